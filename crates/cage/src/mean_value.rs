@@ -10,8 +10,8 @@
 //! to a face. The vector form with `atan2` is as accurate 1e-13 from a face as far away, so it is used here.
 
 use glam::DVec3;
-use pliant_mesh::TriMesh;
 use pliant_mesh::metrics::closest_on_triangle;
+use pliant_mesh::{TriMesh, face_area_vector};
 
 /// A point nearer to a face than this share of the cage's diagonal takes the barycentric coordinates of the nearest
 /// point on that face: the limit of mean value coordinates (Ju et al., Section 3.3), on edges and at vertices too.
@@ -33,6 +33,8 @@ pub(crate) enum FaceWeights {
 pub struct MeanValue {
     positions: Vec<DVec3>,
     faces: Vec<[u32; 3]>,
+    /// Unit normals; zero where a face has no area.
+    normals: Vec<DVec3>,
     centre: DVec3,
     scale: f64,
 }
@@ -41,9 +43,12 @@ impl MeanValue {
     /// Prepares the coordinates of a cage.
     pub fn new(cage: &TriMesh) -> Self {
         let (centre, scale) = cage.bounds().normal_frame();
+        let positions: Vec<DVec3> = cage.positions.iter().map(|p| (*p - centre) * scale).collect();
+        let area = |t: &[u32; 3]| face_area_vector(t.map(|v| positions[v as usize]));
         Self {
-            positions: cage.positions.iter().map(|p| (*p - centre) * scale).collect(),
             faces: cage.triangles().to_vec(),
+            normals: cage.triangles().iter().map(|t| area(t).normalize_or_zero()).collect(),
+            positions,
             centre,
             scale,
         }
@@ -99,22 +104,21 @@ impl MeanValue {
     pub(crate) fn face_weights(&self, x: DVec3, face: usize) -> FaceWeights {
         let corners = self.faces[face].map(|v| self.positions[v as usize]);
         let v = corners.map(|p| p - x);
-        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        let double_area = normal.length();
-        if double_area == 0.0 {
+        let normal = self.normals[face];
+        if normal == DVec3::ZERO {
             // A segment: nothing lies between its corners' directions, its mean vector vanishes.
             return FaceWeights::Weights([0.0; 3]);
         }
-        let height = v[0].dot(normal) / double_area;
+        let height = v[0].dot(normal);
         let nearest_corner = v[0].length_squared().min(v[1].length_squared()).min(v[2].length_squared()).sqrt();
         // The distance to the face is at most that to a corner, so most faces are dealt with here.
-        if height.abs() > EDGE_ON * nearest_corner {
+        if height.abs() > (EDGE_ON * nearest_corner).max(ON_FACE) {
             return FaceWeights::Weights(vector_weights(v));
         }
         let nearest = closest_on_triangle(x, corners);
         let distance = nearest.distance(x);
         if distance <= ON_FACE {
-            return FaceWeights::On(barycentric(nearest, corners, normal));
+            return FaceWeights::On(barycentric(nearest, corners));
         }
         if height.abs() > EDGE_ON * distance {
             return FaceWeights::Weights(vector_weights(v));
@@ -123,8 +127,7 @@ impl MeanValue {
         // is height * integral(a_k / |p|^4), where the integral hardly changes with the height: take
         // it from a higher place, and let the weight go to 0 with the height (Ju et al.: coplanar faces are ignored).
         let raised = EDGE_ON * distance;
-        let unit = normal / double_area;
-        let weights = vector_weights(v.map(|p| p + unit * (raised - height)));
+        let weights = vector_weights(v.map(|p| p + normal * (raised - height)));
         FaceWeights::Weights(weights.map(|w| w * (height / raised)))
     }
 }
@@ -150,11 +153,12 @@ fn vector_weights(v: [DVec3; 3]) -> [f64; 3] {
     crosses.map(|c| c.dot(mean) / determinant)
 }
 
-/// Barycentric coordinates of a point of the triangle; `normal` is the cross product of two sides.
-fn barycentric(p: DVec3, [a, b, c]: [DVec3; 3], normal: DVec3) -> [f64; 3] {
+/// Barycentric coordinates of a point of the triangle.
+fn barycentric(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+    let normal = (b - a).cross(c - a);
     let square = normal.length_squared();
     let area = |q: DVec3, r: DVec3| ((q - p).cross(r - p).dot(normal) / square).clamp(0.0, 1.0);
-    // The two corners farther away first, so that at a vertex the others are exactly 0.
+    // At a corner two of the areas are exactly 0.
     let weights = [area(b, c), area(c, a), area(a, b)];
     let total: f64 = weights.iter().sum();
     weights.map(|w| w / total)
