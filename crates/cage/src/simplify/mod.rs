@@ -74,9 +74,8 @@ pub struct SimplifyReport {
     pub locked: usize,
     /// Shape vertices without faces, which no cage can hold.
     pub unused: usize,
-    /// Faces of the cage that look away from the shape's surface at their corners. Only the smallest cages have any:
-    /// where nothing else is left, collapses that turn a face over are made, but never below
-    /// a size that could be had without.
+    /// Faces of the cage that look away from the shape's normals at their corners. 0 but where the shape itself folds over,
+    /// or where the smallest cage was asked for (see [`simplify`]).
     pub flipped_faces: usize,
 }
 
@@ -84,8 +83,8 @@ pub struct SimplifyReport {
 /// it prefers short edges and even triangles.
 const POINT_WEIGHT: f64 = 1e-6;
 
-/// Collapses, in order of strictness, tried until the asked size is reached. The first keeps faces from turning by more than
-/// about 78 degrees at a time, from looking inward and from becoming needles; the others end the smallest cages.
+/// Collapses allowed, in order of strictness. The first keeps faces from turning by more than
+/// about 78 degrees at a time, from looking inward and from becoming needles; the others are for the smallest cages alone.
 const GUARDS: [Guard; 3] = [
     Guard { min_cosine: 0.2, min_quality: 0.1, faces_outward: true },
     Guard { min_cosine: 0.0, min_quality: 1e-3, faces_outward: false },
@@ -96,7 +95,11 @@ const GUARDS: [Guard; 3] = [
 ///
 /// Keeps what the shape is: manifold where it was manifold, the same Euler characteristic, boundaries, components. Vertices
 /// at non-manifold places stay. Works on open shapes and on several components. Ties are broken by vertex
-/// number, so the result is the same on every run. `O(n log n)`; about a microsecond and a half per collapse.
+/// number, so the result is the same on every run. `O(n log n)`; about three microseconds per collapse.
+///
+/// No face is turned over to reach a size: the cage then stays larger, as the report says. Only when no more than four
+/// vertices per component are asked for, the smallest cage there is, does the last stretch give up normals to get there:
+/// a closed component of genus 0 ends as a tetrahedron, an open one as a triangle.
 ///
 /// # Errors
 /// A fraction that is not above 0 and at most 1, a negative or non-finite distance or boundary weight, or a shape without faces.
@@ -140,6 +143,8 @@ struct Simplifier {
     alive: Vec<bool>,
     count: usize,
     unused: usize,
+    /// Connected components that have faces.
+    components: usize,
     /// Largest distance a collapse may have, and the largest one made.
     max_error: f64,
     error: f64,
@@ -161,6 +166,8 @@ impl Simplifier {
             alive,
             count,
             unused: n - count,
+            // Every unused vertex counts as a component of its own.
+            components: shape.topology().components().1 - (n - count),
             max_error,
             error: 0.0,
             ring: Vec::new(),
@@ -171,17 +178,14 @@ impl Simplifier {
     fn run(&mut self, asked: Option<usize>, progress: &dyn Progress) {
         let target = asked.unwrap_or(0);
         let total = self.count.saturating_sub(target);
-        for guard in GUARDS {
-            // Looser collapses only make up for a number that was asked for.
-            if self.count <= target || (asked.is_none() && guard != GUARDS[0]) {
-                break;
-            }
+        let smallest = asked.is_some_and(|asked| asked <= 4 * self.components);
+        for guard in &GUARDS[..if smallest { GUARDS.len() } else { 1 }] {
             for v in 0..self.alive.len() as u32 {
                 self.requeue(v);
             }
             while self.count > target {
                 let Some((u, cost)) = self.queue.pop() else { break };
-                self.step(u, cost, guard);
+                self.step(u, cost, *guard);
                 let done = total - (self.count - target);
                 if done.is_multiple_of((total / 100).max(1)) {
                     progress.advance(done, total);
@@ -244,7 +248,7 @@ impl Simplifier {
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.clear();
         let own = self.quadrics[u as usize];
-        // Each neighbour is named by two faces (one at a boundary); a repeat costs less than marking would.
+        // Around a closed fan every neighbour follows `u` in exactly one face.
         for &f in self.working.faces_of(u) {
             let t = self.working.faces[f as usize];
             let k = t.iter().position(|&w| w == u).unwrap_or(0);
