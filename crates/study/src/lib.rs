@@ -1,1 +1,3 @@
-//! study
+//! Scenes, sweeps and reports.
+
+pub mod scene;
