@@ -9,6 +9,22 @@
 //!   { "name": "head", "region": { "sphere": { "centre": [0.5, 0.9, 0.7], "radius": 0.1 } },
 //!     "motion": { "rotate": { "axis": [0, 1, 0], "degrees": 35 }, "about": [0.5, 0.8, 0.4] } } ] }
 //! ```
+//!
+//! On a shape it becomes vertices and transforms:
+//!
+//! ```
+//! use glam::DVec3;
+//! use pliant_mesh::TriMesh;
+//! use pliant_study::Scene;
+//!
+//! let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Z, 2.0 * DVec3::Y];
+//! let shape = TriMesh::new(corners, vec![[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])?;
+//! let scene = Scene::auto(&shape.bounds()).resolve(&shape)?;
+//! assert_eq!(scene.handles[0].vertices.as_slice(), [0, 1, 2]); // The low end of the longest axis is held,
+//! assert_eq!(scene.handles[1].vertices.as_slice(), [3]); // and the high end turned.
+//! assert_eq!(scene.goals(0.5)[0].apply(DVec3::X), DVec3::X);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod auto;
 mod check;
