@@ -84,8 +84,10 @@ pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
         return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
     }
-    let total = va + vb + vc;
-    a + ab * (vb / total) + ac * (vc / total)
+    // Over the inside: straight down. Weights of the corners would be as far off as the triangle is narrow.
+    let normal = ab.cross(ac);
+    let square = normal.length_squared();
+    if square > 0.0 { p - normal * (normal.dot(ap) / square) } else { a }
 }
 
 #[cfg(test)]
