@@ -14,18 +14,18 @@ use crate::source::refuse_irregular;
 /// # Errors
 /// The path is a folder, device or write-protected file, or the system's answer; the temporary file is removed then.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), IoError> {
-    let place = Place::of(path)?;
+    let target = Target::of(path)?;
     let system = |action, source| IoError::System { path: path.to_owned(), action, source };
-    let mut temporary = place.temporary().map_err(|e| system("write", e))?;
+    let mut temporary = target.temporary().map_err(|e| system("write", e))?;
     temporary.write_all(bytes).map_err(|e| system("write", e))?;
-    if let Some(permissions) = place.permissions {
+    if let Some(permissions) = target.permissions {
         temporary.as_file().set_permissions(permissions).map_err(|e| system("write", e))?;
     }
     temporary.as_file().sync_all().map_err(|e| system("write", e))?;
-    temporary.persist(&place.target).map_err(|e| system("write", e.error))?;
+    temporary.persist(&target.path).map_err(|e| system("write", e.error))?;
     // The new name lives in the folder, which has to reach the disk as well. Some systems cannot synchronise a folder;
     // the file itself is safe by now.
-    if let Ok(folder) = File::open(&place.folder) {
+    if let Ok(folder) = File::open(&target.folder) {
         let _ = folder.sync_all();
     }
     Ok(())
@@ -43,7 +43,7 @@ pub fn can_write(path: &Path, extensions: &[&str]) -> Result<(), IoError> {
     if !extensions.is_empty() {
         check_extension(path, extensions, "write")?;
     }
-    let probe = Place::of(path)?.temporary();
+    let probe = Target::of(path)?.temporary();
     probe.map(drop).map_err(|source| IoError::System { path: path.to_owned(), action: "write", source })
 }
 
@@ -57,14 +57,14 @@ pub fn can_write_mesh(path: &Path) -> Result<(), IoError> {
 }
 
 /// Where a file will stand.
-struct Place {
-    target: PathBuf,
+struct Target {
+    path: PathBuf,
     folder: PathBuf,
     /// Those of the file there now.
     permissions: Option<fs::Permissions>,
 }
 
-impl Place {
+impl Target {
     fn of(path: &Path) -> Result<Self, IoError> {
         let system = |source| IoError::System { path: path.to_owned(), action: "write", source };
         let (target, permissions) = match fs::metadata(path) {
@@ -85,7 +85,7 @@ impl Place {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
             _ => PathBuf::from("."),
         };
-        Ok(Self { target, folder, permissions })
+        Ok(Self { path: target, folder, permissions })
     }
 
     /// A new file beside the target, removed when dropped.

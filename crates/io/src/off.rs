@@ -75,11 +75,12 @@ fn counts(lines: &mut Lines<'_>) -> Result<(usize, usize), Fault> {
     if content.trim_ascii().is_empty() {
         (line, content) = next_content(lines).ok_or_else(|| Fault::line(line, "the file ends before the counts"))?;
     }
-    let mut numbers = words(content).map(|w| whole(w).map_err(|reason| Fault::line(line, reason)));
+    let at = |reason: String| Fault::line(line, reason);
     // The third number, of edges, is often missing or wrong, and nobody needs it.
-    match (numbers.next(), numbers.next()) {
-        (Some(vertices), Some(faces)) => Ok((vertices?, faces?)),
-        _ => Err(Fault::line(line, "the numbers of vertices and faces are expected here")),
+    let numbers = words(content).take(2).map(whole).collect::<Result<Vec<_>, _>>().map_err(at)?;
+    match numbers[..] {
+        [vertices, faces] => Ok((vertices, faces)),
+        _ => Err(at("the numbers of vertices and faces are expected here".to_owned())),
     }
 }
 

@@ -121,7 +121,8 @@ pub struct Values<'a> {
 /// Draws a mesh: parallel projection, hidden surfaces by depth, a key light from the upper left, a soft fill, a rim, and
 /// darker hollows, so that relief of a hundredth of the size shows. Both sides of a face are drawn, inner sides bluish.
 ///
-/// Time grows with faces and samples: a tenth of a second for 100,000 vertices at the default size on two cores.
+/// Time grows with faces and samples: about half a second of processor time for 100,000 vertices at the default size,
+/// shared by all threads.
 ///
 /// # Errors
 /// A size of 0 or of more than 2^28 samples in all, a supersampling that is not 1 to 8, a view without direction,

@@ -8,7 +8,7 @@ use super::raster::{EMPTY, Samples};
 use super::shade::Surface;
 
 /// Directions and distances at which a pixel looks for neighbours that stand higher.
-const TAPS: usize = 20;
+const TAPS: usize = 16;
 
 /// Ways in which the pattern of neighbours is turned: one for each pixel of a block of 4 x 4.
 const TURNS: usize = 16;

@@ -132,12 +132,12 @@ const LINE_SHADE: f32 = 0.1;
 /// Light from a matt surface with a slight sheen; the normal is along right, up and towards the viewer.
 fn lit(colour: Vec3, normal: Vec3, open: f32) -> Vec3 {
     // From the upper left and little in front, so that it grazes what faces the viewer and relief casts shades.
-    const KEY: Vec3 = Vec3::new(-0.560_3, 0.622_5, 0.546_5);
-    const KEY_LIGHT: Vec3 = Vec3::new(1.28, 1.22, 1.13);
-    const FILL: Vec3 = Vec3::new(0.845_2, 0.0, 0.534_5);
-    const FILL_LIGHT: Vec3 = Vec3::new(0.13, 0.15, 0.18);
-    const SKY: Vec3 = Vec3::new(0.22, 0.24, 0.27);
-    const GROUND: Vec3 = Vec3::new(0.09, 0.08, 0.07);
+    const KEY: Vec3 = Vec3::new(-0.620_1, 0.620_1, 0.480_6);
+    const KEY_LIGHT: Vec3 = Vec3::new(1.20, 1.15, 1.07);
+    const FILL: Vec3 = Vec3::new(0.889_5, -0.202_2, 0.409_7);
+    const FILL_LIGHT: Vec3 = Vec3::new(0.24, 0.27, 0.32);
+    const SKY: Vec3 = Vec3::new(0.17, 0.185, 0.21);
+    const GROUND: Vec3 = Vec3::new(0.07, 0.065, 0.06);
     let key = normal.dot(KEY).max(0.0);
     let fill = normal.dot(FILL).max(0.0);
     let around = GROUND.lerp(SKY, 0.5 + 0.5 * normal.y);
