@@ -3,8 +3,14 @@
 //! Every generator is deterministic to the bit, for any number of threads, and orients its faces counter-clockwise seen
 //! from outside. y is up and +z is to the front.
 
+mod bones;
+mod creature;
+mod even;
+mod implicit;
 mod primitives;
+mod relief;
 
+pub use creature::creature;
 pub use primitives::{MAX_ICOSPHERE_LEVEL, bar, bumpy_plane, cylinder, icosphere, plane_grid, torus};
 
 #[cfg(test)]

@@ -1,0 +1,151 @@
+//! Meshes of a body with a wanted number of vertices and even triangles.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::bones::{Body, Sample};
+use super::implicit::{Cut, Lattice};
+use crate::{Bounds, MeshError, Topology, TriMesh};
+
+/// Vertices of the first, cheap lattice from which the area is learnt.
+const TRIAL: usize = 20_000;
+/// Relative miss of the wanted count that ends the search.
+const CLOSE: f64 = 0.01;
+/// Vertices times square of the lattice step, per area.
+const PER_SQUARE: f64 = 1.9;
+/// Extent in edges of the groups of vertices that share a part of the body while they are moved.
+const RUN_SIZE: f64 = 6.0;
+const SMOOTHING_ROUNDS: usize = 5;
+
+/// Height over the surface at a point of it, for a mesh with edges about as long as the last argument.
+pub(super) type Relief = dyn Fn(DVec3, &Sample, f64) -> f64 + Sync;
+
+/// A closed mesh of one component and genus 0 on the surface of `body`, with `vertices` vertices within 2 %.
+///
+/// `area` is a rough guess of the surface's area. Time is linear in the count.
+///
+/// # Errors
+/// No lattice resolves the body as one piece without handles: it has thinner parts than such a mesh can show.
+pub(super) fn even_mesh(body: &Body, area: f64, vertices: usize, relief: &Relief) -> Result<TriMesh, MeshError> {
+    let mut worst = None;
+    // Whether thin parts hold together depends a little on where the lattice lies.
+    for attempt in 0..8 {
+        let shift = DVec3::new(0.37, 0.59, 0.83) * (f64::from(attempt) * 0.618).fract();
+        let mesh = fitting_cut(body, area, vertices, shift)?.mesh()?;
+        let topology = mesh.topology();
+        if topology.euler_characteristic() == 2 && topology.components().1 == 1 {
+            // Two triangles of equal sides for each vertex.
+            let edge = (area / (0.75_f64.sqrt() * vertices as f64)).sqrt();
+            let positions = smoothed(body, topology, mesh.positions.clone(), edge);
+            return mesh.with_positions(raised(body, &positions, edge, relief));
+        }
+        worst = Some(topology.euler_characteristic());
+    }
+    Err(MeshError::BadParameter {
+        what: "vertices",
+        expected: "enough to resolve the shape as one piece".to_owned(),
+        found: format!("{vertices} (Euler characteristic {})", worst.unwrap_or(0)),
+    })
+}
+
+/// The cut whose number of vertices is nearest to the wanted one among a few tried.
+///
+/// The count is the area over the square of the step, times a factor that hardly changes: each trial tells it anew.
+fn fitting_cut(body: &Body, area: f64, vertices: usize, shift: DVec3) -> Result<Cut<'_>, MeshError> {
+    let mut per_square = PER_SQUARE * area;
+    let mut best: Option<(f64, Cut)> = None;
+    let trials = (vertices > 2 * TRIAL).then_some(TRIAL).into_iter().chain([vertices; 6]);
+    for wanted in trials {
+        let step = (per_square / wanted as f64).sqrt();
+        let cut = Cut::new(body, Lattice::new(body, step, shift)?);
+        let found = cut.vertex_count() as f64;
+        per_square = found.max(1.0) * step * step;
+        let miss = (found / vertices as f64 - 1.0).abs();
+        if best.as_ref().is_none_or(|(least, _)| miss < *least) {
+            best = Some((miss, cut));
+        }
+        if miss < CLOSE {
+            break;
+        }
+    }
+    Ok(best.expect("at least one cut was made").1)
+}
+
+/// Moves vertices along the surface towards the middle of their neighbours, and onto it.
+fn smoothed(body: &Body, topology: &Topology, mut positions: Vec<DVec3>, edge: f64) -> Vec<DVec3> {
+    positions = moved(body, &positions, edge, |part, v| part.projected(positions[v], 3));
+    for _ in 0..SMOOTHING_ROUNDS {
+        positions = moved(body, &positions, edge, |part, v| {
+            let ring = topology.neighbours(v);
+            let middle = ring.iter().map(|&w| positions[w as usize]).sum::<DVec3>() / ring.len() as f64;
+            // The projection takes back the part of the move that leaves the surface.
+            part.projected(positions[v].lerp(middle, 0.7), 1)
+        });
+    }
+    moved(body, &positions, edge, |part, v| part.projected(positions[v], 2))
+}
+
+/// Every point moved along the normal by the relief there.
+fn raised(body: &Body, positions: &[DVec3], edge: f64, relief: &Relief) -> Vec<DVec3> {
+    moved(body, positions, edge, |part, v| {
+        let p = positions[v];
+        let sample = part.at(p).sample(p);
+        p + relief(p, &sample, edge) * sample.gradient.normalize_or_zero()
+    })
+}
+
+/// A body and its part near a ball.
+struct Part<'a> {
+    whole: &'a Body,
+    part: Body,
+    centre: DVec3,
+    radius: f64,
+}
+
+impl Part<'_> {
+    /// What to ask about `p`: equal to the whole body to the bit, and faster in the ball.
+    fn at(&self, p: DVec3) -> &Body {
+        if p.distance(self.centre) <= self.radius { &self.part } else { self.whole }
+    }
+
+    fn projected(&self, p: DVec3, steps: usize) -> DVec3 {
+        (0..steps).fold(p, |p, _| self.at(p).projected(p))
+    }
+}
+
+/// The positions that `step` gives each vertex, in parallel over groups of vertices near in number and in space.
+fn moved(
+    body: &Body,
+    positions: &[DVec3],
+    edge: f64,
+    step: impl Fn(&Part, usize) -> DVec3 + Sync,
+) -> Vec<DVec3> {
+    let starts = compact_runs(positions, RUN_SIZE * edge);
+    starts
+        .par_windows(2)
+        .flat_map_iter(|run| {
+            let bounds = Bounds::of(&positions[run[0]..run[1]]);
+            let (centre, radius) = (bounds.centre(), 0.5 * bounds.diagonal() + 2.0 * edge);
+            let part = Part { whole: body, part: body.near(centre, radius), centre, radius };
+            (run[0]..run[1]).map(|v| step(&part, v)).collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+/// Borders of runs of points whose boxes have diagonals of at most `size`.
+fn compact_runs(positions: &[DVec3], size: f64) -> Vec<usize> {
+    let mut starts = vec![0];
+    let Some(&first) = positions.first() else { return starts };
+    let mut bounds = Bounds { min: first, max: first };
+    for (v, &p) in positions.iter().enumerate() {
+        let grown = Bounds { min: bounds.min.min(p), max: bounds.max.max(p) };
+        bounds = if grown.diagonal() <= size {
+            grown
+        } else {
+            starts.push(v);
+            Bounds { min: p, max: p }
+        };
+    }
+    starts.push(positions.len());
+    starts
+}
