@@ -80,7 +80,7 @@ impl BindReport {
         }
         if self.replaced_rows > 0 {
             warnings.push(format!(
-                "{} of {} rows have coordinates that cancel; they follow the nearest 24 cage vertices instead",
+                "{} of {} rows have coordinates that cancel; they follow the nearest cage vertices by distance instead",
                 self.replaced_rows, self.rows
             ));
         }

@@ -43,7 +43,7 @@ pub(crate) struct RowFacts {
 /// A kept row whose weights sum to less than this share of their magnitudes cannot be scaled to sum 1.
 const CANCELLED: f64 = 1e-9;
 
-/// Neighbours for rows that have to be replaced.
+/// Neighbours for rows that have to be replaced under a rule that has no number of its own.
 const REPLACEMENT_NEIGHBOURS: usize = 24;
 
 impl<'a> RowMaker<'a> {
@@ -76,7 +76,11 @@ impl<'a> RowMaker<'a> {
         };
         if !made {
             facts.replaced = true;
-            self.smooth(point, REPLACEMENT_NEIGHBOURS, scratch);
+            let neighbours = match self.prune {
+                Prune::Local { neighbours } | Prune::Smooth { neighbours } => neighbours,
+                Prune::None | Prune::Magnitude(_) => REPLACEMENT_NEIGHBOURS,
+            };
+            self.smooth(point, neighbours, scratch);
         }
         scratch.row.sort_unstable_by_key(|e| e.0);
         facts

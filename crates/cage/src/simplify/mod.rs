@@ -79,6 +79,29 @@ pub struct SimplifyReport {
     pub flipped_faces: usize,
 }
 
+impl SimplifyReport {
+    /// What a user should know about the cage; empty if it is as asked for and without flaws.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(asked) = self.asked.filter(|&asked| self.reached > asked) {
+            warnings.push(format!(
+                "a cage of {asked} vertices was asked for and {} reached: what is left cannot be collapsed without changing the topology or turning faces over",
+                self.reached
+            ));
+        }
+        if self.locked > 0 {
+            warnings.push(format!("{} vertices at non-manifold places were kept as they are", self.locked));
+        }
+        if self.unused > 0 {
+            warnings.push(format!("{} vertices without faces are not part of the cage", self.unused));
+        }
+        if self.flipped_faces > 0 {
+            warnings.push(format!("{} faces of the cage look away from the shape's surface", self.flipped_faces));
+        }
+        warnings
+    }
+}
+
 /// A tiny pull towards the vertices that were merged, relative to the planes: on flat parts, where all planes agree,
 /// it prefers short edges and even triangles.
 const POINT_WEIGHT: f64 = 1e-6;
