@@ -11,7 +11,7 @@
 
 use glam::DVec3;
 use pliant_mesh::metrics::closest_on_triangle;
-use pliant_mesh::{TriMesh, face_area_vector};
+use pliant_mesh::{Topology, TriMesh, face_area_vector};
 
 /// A point nearer to a face than this share of the cage's diagonal takes the barycentric coordinates of the nearest
 /// point on that face: the limit of mean value coordinates (Ju et al., Section 3.3), on edges and at vertices too.
@@ -35,6 +35,9 @@ pub struct MeanValue {
     faces: Vec<[u32; 3]>,
     /// Unit normals; zero where a face has no area.
     normals: Vec<DVec3>,
+    edges: Vec<[u32; 2]>,
+    /// Edge opposite to each corner, and 1 if the face runs along it from its first end to its second, else -1.
+    face_edges: Vec<[(u32, f64); 3]>,
     centre: DVec3,
     scale: f64,
 }
@@ -48,6 +51,8 @@ impl MeanValue {
         Self {
             faces: cage.triangles().to_vec(),
             normals: cage.triangles().iter().map(|t| area(t).normalize_or_zero()).collect(),
+            edges: cage.topology().edges().to_vec(),
+            face_edges: (0..cage.face_count()).map(|f| directed_edges(cage.topology(), f)).collect(),
             positions,
             centre,
             scale,
@@ -68,30 +73,55 @@ impl MeanValue {
     ///
     /// At a cage vertex this is 1 for that vertex; on a face, its barycentric coordinates. Inside and outside alike
     /// `sum row[j] * cage[j] = point`, if the cage is closed. Returns `false`, and leaves `row` without meaning,
-    /// where the weights cancel and no coordinates exist.
-    /// Cost: about 70 ns a face.
+    /// where the weights cancel and no coordinates exist. Linear in the number of faces, about 40 ns each.
     ///
     /// # Panics
     /// If `row` has not one entry per cage vertex.
     pub fn coordinates(&self, point: DVec3, row: &mut [f64]) -> bool {
+        self.coordinates_with(point, row, &mut Corners::default())
+    }
+
+    /// [`Self::coordinates`] with memory kept from point to point.
+    pub(crate) fn coordinates_with(&self, point: DVec3, row: &mut [f64], corners: &mut Corners) -> bool {
         assert_eq!(row.len(), self.positions.len());
         row.fill(0.0);
         let x = self.to_frame(point);
+        corners.look_from(x, self);
         for face in 0..self.faces.len() {
-            match self.face_weights(x, face) {
-                FaceWeights::On(barycentric) => {
-                    row.fill(0.0);
-                    self.add(face, barycentric, row);
-                    return true;
-                }
-                FaceWeights::Weights(weights) => self.add(face, weights, row),
-            }
+            let weights = match self.shared_weights(face, corners) {
+                Some(weights) => weights,
+                None => match self.face_weights(x, face) {
+                    FaceWeights::Weights(weights) => weights,
+                    FaceWeights::On(barycentric) => {
+                        row.fill(0.0);
+                        self.add(face, barycentric, row);
+                        return true;
+                    }
+                },
+            };
+            self.add(face, weights, row);
         }
         let total: f64 = row.iter().sum();
         for w in row.iter_mut() {
             *w /= total;
         }
         total != 0.0 && row.iter().all(|w| w.is_finite())
+    }
+
+    /// [`Self::face_weights`] from angles that the two faces of an edge share; `None` where the face needs a closer look.
+    fn shared_weights(&self, face: usize, corners: &Corners) -> Option<[f64; 3]> {
+        let ends = self.faces[face];
+        let v = ends.map(|v| corners.toward[v as usize]);
+        let nearest = ends.iter().map(|&v| corners.distance[v as usize]).fold(f64::INFINITY, f64::min);
+        let height = v[0].dot(self.normals[face]);
+        if height.abs() <= (EDGE_ON * nearest).max(ON_FACE) {
+            return None;
+        }
+        let edges = self.face_edges[face];
+        let mean: DVec3 = edges.iter().map(|&(e, sign)| sign * corners.arcs[e as usize]).sum();
+        let crosses = edges.map(|(e, sign)| sign * corners.crosses[e as usize]);
+        let determinant = v[0].dot(crosses[0]);
+        Some(if determinant == 0.0 { [0.0; 3] } else { crosses.map(|c| c.dot(mean) / determinant) })
     }
 
     fn add(&self, face: usize, weights: [f64; 3], row: &mut [f64]) {
@@ -132,18 +162,56 @@ impl MeanValue {
     }
 }
 
+/// The cage as seen from one point: what faces share.
+#[derive(Debug, Default)]
+pub(crate) struct Corners {
+    /// From the point to each vertex, and how far that is.
+    toward: Vec<DVec3>,
+    distance: Vec<f64>,
+    /// Cross product of the directions to the ends of each edge, and half its angle along the unit normal.
+    crosses: Vec<DVec3>,
+    arcs: Vec<DVec3>,
+}
+
+impl Corners {
+    fn look_from(&mut self, x: DVec3, cage: &MeanValue) {
+        self.toward.clear();
+        self.toward.extend(cage.positions.iter().map(|p| *p - x));
+        self.distance.clear();
+        self.distance.extend(self.toward.iter().map(|v| v.length()));
+        self.crosses.clear();
+        self.arcs.clear();
+        for &[a, b] in &cage.edges {
+            let (a, b) = (self.toward[a as usize], self.toward[b as usize]);
+            let cross = a.cross(b);
+            self.crosses.push(cross);
+            self.arcs.push(arc(cross, a.dot(b)));
+        }
+    }
+}
+
+/// Half the angle between two directions along the normal of their plane; zero for parallel ones, whose plane is undefined and whose
+/// share of a mean vector vanishes (or, right on an edge, is not needed).
+fn arc(cross: DVec3, dot: f64) -> DVec3 {
+    let sine = cross.length();
+    if sine > 0.0 { cross * (0.5 * sine.atan2(dot) / sine) } else { DVec3::ZERO }
+}
+
+/// Edges of a face, opposite to its corners, and whether it runs along them (1) or against them (-1).
+fn directed_edges(topology: &Topology, face: usize) -> [(u32, f64); 3] {
+    let t = topology.triangles()[face];
+    let edges = topology.face_edges(face);
+    std::array::from_fn(|k| {
+        let along = topology.edges()[edges[k] as usize][0] == t[(k + 1) % 3];
+        (edges[k], if along { 1.0 } else { -1.0 })
+    })
+}
+
 /// `w_k = (n_k . m) / (n_k . v_k)` with `m = 1/2 sum theta_k n_k`.
 fn vector_weights(v: [DVec3; 3]) -> [f64; 3] {
     let crosses = [v[1].cross(v[2]), v[2].cross(v[0]), v[0].cross(v[1])];
     let dots = [v[1].dot(v[2]), v[2].dot(v[0]), v[0].dot(v[1])];
-    let mut mean = DVec3::ZERO;
-    for (cross, dot) in crosses.into_iter().zip(dots) {
-        let sine = cross.length();
-        // Two corners in one direction, or in opposite ones right on an edge: no plane, and no part in the mean vector.
-        if sine > 0.0 {
-            mean += cross * (0.5 * sine.atan2(dot) / sine);
-        }
-    }
+    let mean: DVec3 = crosses.into_iter().zip(dots).map(|(cross, dot)| arc(cross, dot)).sum();
     // n_k . v_k is the same determinant for every k once n_k is left unnormalised; using one
     // value keeps the ratios of the weights right where it is nearly lost to cancellation.
     let determinant = v[0].dot(crosses[0]);

@@ -6,7 +6,7 @@ use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use pliant_mesh::{Topology, TriMesh};
 
-use crate::mean_value::{FaceWeights, MeanValue};
+use crate::mean_value::{Corners, FaceWeights, MeanValue};
 use crate::prune::{Prune, drop_smallest};
 
 /// Makes rows for one cage and prune rule; shared by the threads.
@@ -21,6 +21,7 @@ pub(crate) struct RowMaker<'a> {
 /// A thread's own working memory.
 pub(crate) struct Scratch {
     dense: Vec<f64>,
+    corners: Corners,
     /// The row made last: (cage vertex, weight), summing to 1, increasing by vertex.
     pub(crate) row: Vec<(u32, f64)>,
     /// Faces already looked at, marked with the current stamp.
@@ -58,6 +59,7 @@ impl<'a> RowMaker<'a> {
         let dense = matches!(self.prune, Prune::None | Prune::Magnitude(_));
         Scratch {
             dense: vec![0.0; if dense { vertices } else { 0 }],
+            corners: Corners::default(),
             row: Vec::new(),
             seen: vec![0; self.cage.triangles().len()],
             stamp: 0,
@@ -88,7 +90,7 @@ impl<'a> RowMaker<'a> {
 
     /// All mean value coordinates less the smallest.
     fn mean_value(&self, point: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
-        if !self.coordinates.coordinates(point, &mut scratch.dense) {
+        if !self.coordinates.coordinates_with(point, &mut scratch.dense, &mut scratch.corners) {
             return false;
         }
         let x = self.coordinates.to_frame(point);
