@@ -1,5 +1,8 @@
 //! Solutions against residuals and a dense elimination; refactoring against fresh factors; culprits by name.
 
+// Elimination reads best with indices.
+#![allow(clippy::needless_range_loop)]
+
 use std::sync::Arc;
 
 use pliant_linalg::{Cholesky, LinalgError, Partition, SpdPattern, Triplet};
