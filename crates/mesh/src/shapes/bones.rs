@@ -70,7 +70,8 @@ pub(super) fn curve(points: &[([f64; 3], f64)]) -> Vec<Bone> {
             (p0 * b0 + p1 * b1 + p2 * b2 + p3 * b3, r0 * b0 + r1 * b1 + r2 * b2 + r3 * b3)
         };
         for k in 0..PIECES {
-            let ((a, ra), (b, rb)) = (point(f64::from(k) / f64::from(PIECES)), point(f64::from(k + 1) / f64::from(PIECES)));
+            let ((a, ra), (b, rb)) =
+                (point(f64::from(k) / f64::from(PIECES)), point(f64::from(k + 1) / f64::from(PIECES)));
             bones.push(Bone::new(a.to_array(), ra, b.to_array(), rb));
         }
     }
@@ -151,8 +152,11 @@ impl Limb {
             before = ball;
         }
         let ([a, b], share, distance) = nearest;
-        let sample = |(centre, radius): (DVec3, f64)| {
-            Sample { distance, gradient: (p - centre).normalize_or_zero(), radius, relief: self.relief }
+        let sample = |(centre, radius): (DVec3, f64)| Sample {
+            distance,
+            gradient: (p - centre).normalize_or_zero(),
+            radius,
+            relief: self.relief,
         };
         if share == 0.0 { sample(a) } else { sample(a).mixed(sample(b), share, distance) }
     }
@@ -303,9 +307,19 @@ mod tests {
             Bone::new([0.2, 0.9, 0.0], 0.15, [0.9, 0.8, 0.1], 0.1),
             Bone::new([0.9, 0.8, 0.1], 0.1, [1.2, 1.1, 0.2], 0.05),
         ];
-        let tail = curve(&[([0.0, 0.1, -0.2], 0.2), ([0.0, 0.0, -0.7], 0.12), ([0.1, 0.4, -0.9], 0.1), ([0.5, 0.5, -0.8], 0.06)]);
+        let tail = curve(&[
+            ([0.0, 0.1, -0.2], 0.2),
+            ([0.0, 0.0, -0.7], 0.12),
+            ([0.1, 0.4, -0.9], 0.1),
+            ([0.5, 0.5, -0.8], 0.06),
+        ]);
         let hand = Bone::new([1.3, 1.2, 0.2], 0.1, [1.3, 1.2, 0.2], 0.1);
-        Body::new(vec![Limb::new(0.1, 1.0, core), Limb::new(0.12, 0.5, arm), Limb::new(0.05, 0.0, vec![hand]), Limb::new(0.1, 0.3, tail)])
+        Body::new(vec![
+            Limb::new(0.1, 1.0, core),
+            Limb::new(0.12, 0.5, arm),
+            Limb::new(0.05, 0.0, vec![hand]),
+            Limb::new(0.1, 0.3, tail),
+        ])
     }
 
     fn some_points() -> impl Iterator<Item = DVec3> {

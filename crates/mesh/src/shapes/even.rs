@@ -4,15 +4,20 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::bones::{Body, Sample};
-use super::implicit::{Cut, Lattice};
+use super::implicit::Cut;
+use super::lattice::Lattice;
 use crate::{Bounds, MeshError, Topology, TriMesh};
 
 /// Vertices of the first, cheap lattice from which the area is learnt.
-const TRIAL: usize = 20_000;
-/// Relative miss of the wanted count that ends the search.
+const TRIAL: f64 = 20_000.0;
+/// Relative miss of the wanted count that ends the search for a lattice.
 const CLOSE: f64 = 0.01;
+/// The same for the finished mesh.
+const CLOSE_ENOUGH: f64 = 0.018;
+/// Lattices whose mesh is looked at before giving up.
+const ATTEMPTS: u32 = 8;
 /// Vertices times square of the lattice step, per area.
-const PER_SQUARE: f64 = 1.9;
+const PER_SQUARE: f64 = 1.74;
 /// Extent in edges of the groups of vertices that share a part of the body while they are moved.
 const RUN_SIZE: f64 = 6.0;
 const SMOOTHING_ROUNDS: usize = 5;
@@ -27,40 +32,53 @@ pub(super) type Relief = dyn Fn(DVec3, &Sample, f64) -> f64 + Sync;
 /// # Errors
 /// No lattice resolves the body as one piece without handles: it has thinner parts than such a mesh can show.
 pub(super) fn even_mesh(body: &Body, area: f64, vertices: usize, relief: &Relief) -> Result<TriMesh, MeshError> {
-    let mut worst = None;
-    // Whether thin parts hold together depends a little on where the lattice lies.
-    for attempt in 0..8 {
+    let mut best: Option<(f64, TriMesh)> = None;
+    let mut wanted = vertices as f64;
+    for attempt in 0..ATTEMPTS {
+        // Whether thin parts hold together depends a little on where the lattice lies.
         let shift = DVec3::new(0.37, 0.59, 0.83) * (f64::from(attempt) * 0.618).fract();
-        let mesh = fitting_cut(body, area, vertices, shift)?.mesh()?;
+        let mesh = fitting_cut(body, area, wanted, shift)?.mesh()?;
         let topology = mesh.topology();
-        if topology.euler_characteristic() == 2 && topology.components().1 == 1 {
-            // Two triangles of equal sides for each vertex.
-            let edge = (area / (0.75_f64.sqrt() * vertices as f64)).sqrt();
-            let positions = smoothed(body, topology, mesh.positions.clone(), edge);
-            return mesh.with_positions(raised(body, &positions, edge, relief));
+        if topology.euler_characteristic() != 2 || topology.components().1 != 1 {
+            continue;
         }
-        worst = Some(topology.euler_characteristic());
+        let found = mesh.vertex_count() as f64;
+        let miss = (found / vertices as f64 - 1.0).abs();
+        if best.as_ref().is_none_or(|(least, _)| miss < *least) {
+            best = Some((miss, mesh));
+        }
+        if miss < CLOSE_ENOUGH {
+            break;
+        }
+        // Some nodes were taken apart, which the cut did not foresee.
+        wanted *= vertices as f64 / found;
     }
-    Err(MeshError::BadParameter {
-        what: "vertices",
-        expected: "enough to resolve the shape as one piece".to_owned(),
-        found: format!("{vertices} (Euler characteristic {})", worst.unwrap_or(0)),
-    })
+    let Some((_, mesh)) = best else {
+        return Err(MeshError::BadParameter {
+            what: "vertices",
+            expected: "enough to show the shape as one piece without holes".to_owned(),
+            found: vertices.to_string(),
+        });
+    };
+    // Two triangles of equal sides for each vertex.
+    let edge = (area / (0.75_f64.sqrt() * vertices as f64)).sqrt();
+    let positions = smoothed(body, mesh.topology(), mesh.positions.clone(), edge);
+    mesh.with_positions(raised(body, &positions, edge, relief))
 }
 
 /// The cut whose number of vertices is nearest to the wanted one among a few tried.
 ///
 /// The count is the area over the square of the step, times a factor that hardly changes: each trial tells it anew.
-fn fitting_cut(body: &Body, area: f64, vertices: usize, shift: DVec3) -> Result<Cut<'_>, MeshError> {
+fn fitting_cut(body: &Body, area: f64, vertices: f64, shift: DVec3) -> Result<Cut<'_>, MeshError> {
     let mut per_square = PER_SQUARE * area;
     let mut best: Option<(f64, Cut)> = None;
-    let trials = (vertices > 2 * TRIAL).then_some(TRIAL).into_iter().chain([vertices; 6]);
+    let trials = (vertices > 10.0 * TRIAL).then_some(TRIAL).into_iter().chain([vertices; 6]);
     for wanted in trials {
-        let step = (per_square / wanted as f64).sqrt();
+        let step = (per_square / wanted).sqrt();
         let cut = Cut::new(body, Lattice::new(body, step, shift)?);
         let found = cut.vertex_count() as f64;
         per_square = found.max(1.0) * step * step;
-        let miss = (found / vertices as f64 - 1.0).abs();
+        let miss = (found / vertices - 1.0).abs();
         if best.as_ref().is_none_or(|(least, _)| miss < *least) {
             best = Some((miss, cut));
         }
@@ -114,12 +132,7 @@ impl Part<'_> {
 }
 
 /// The positions that `step` gives each vertex, in parallel over groups of vertices near in number and in space.
-fn moved(
-    body: &Body,
-    positions: &[DVec3],
-    edge: f64,
-    step: impl Fn(&Part, usize) -> DVec3 + Sync,
-) -> Vec<DVec3> {
+fn moved(body: &Body, positions: &[DVec3], edge: f64, step: impl Fn(&Part, usize) -> DVec3 + Sync) -> Vec<DVec3> {
     let starts = compact_runs(positions, RUN_SIZE * edge);
     starts
         .par_windows(2)

@@ -9,24 +9,13 @@ use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
 use super::bones::Body;
+use super::lattice::{BLOCK, CUT_REACH, LOOK_REACH, Lattice, MARCH_REACH, NODE_REACH, gather_bits, morton, octants};
 use crate::{MeshError, TriMesh};
 
-/// Lattice coordinates are even for corners and odd for centres, all three alike; a cube is 2 wide.
-const BLOCK: i32 = 8;
 /// Nodes a block looks at beyond its own, on each side.
 const HALO: i32 = 2;
 /// Values along one side of a block's store, for corners or for centres.
 const SIDE: usize = ((BLOCK + 2 * HALO) / 2 + 1) as usize;
-/// Distances have slope 1 and no edge is longer than 2 half cubes, so the nearer end of a cut edge is at most 1 away from
-/// the surface. (All reaches are in half cubes, with a little more for rounding.)
-const NODE_REACH: f64 = 1.0 + 1e-6;
-/// The centre of a cube whose tetrahedra are cut is at most the longest edge away: all their corners are that near to it.
-const MARCH_REACH: f64 = 2.0 + 1e-6;
-/// The centre of a cube is this near to the surface if its corner or itself is the nearer end of a cut edge:
-/// `1 + sqrt(3)`, which covers the march too.
-const CUT_REACH: f64 = 2.732_051;
-/// No node that a cube looks at is farther from its centre: a corner of it and an edge on, `sqrt(3) + 2`.
-const LOOK_REACH: f64 = 3.732_051;
 /// In place of the direction of a cut: all cuts of a node together.
 const WHOLE: u64 = 15;
 
@@ -72,70 +61,6 @@ const CASES: [(usize, [usize; 4]); 16] = [
     (4, [0, 1, 2, 3]),
 ];
 
-/// Where the lattice lies in space.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Lattice {
-    origin: DVec3,
-    /// Half a cube's side.
-    half: f64,
-    /// Blocks along the longest side, a power of two.
-    blocks: i32,
-}
-
-impl Lattice {
-    /// A lattice of cubes of side `step` that holds the body, shifted by fractions of a cube.
-    ///
-    /// # Errors
-    /// The step is so small that nodes cannot be numbered.
-    pub(super) fn new(body: &Body, step: f64, shift: DVec3) -> Result<Self, MeshError> {
-        let (bounds, half) = (body.bounds(), 0.5 * step);
-        let sides = bounds.size().max_element() / step + 4.0;
-        let blocks = (sides * 2.0 / f64::from(BLOCK)).ceil().max(1.0);
-        // 20 bits for each coordinate leave four for the direction.
-        if !(blocks * f64::from(BLOCK) < f64::from(1 << 19)) {
-            return Err(MeshError::BadParameter {
-                what: "lattice step",
-                expected: "a positive number, not far below the size".to_owned(),
-                found: step.to_string(),
-            });
-        }
-        // Checked above: below 2^19, and so is the next power of two or equal to it.
-        let blocks = (blocks as u32).next_power_of_two() as i32;
-        Ok(Self { origin: bounds.min - (DVec3::splat(2.0) - shift) * step, half, blocks })
-    }
-
-    fn position(&self, node: IVec3) -> DVec3 {
-        self.origin + self.half * node.as_dvec3()
-    }
-
-    /// Whether the surface may cut an edge that some cube of a box of cubes looks at.
-    fn may_cut(&self, body: &Body, corner: IVec3, side: i32) -> bool {
-        let (middle, reach) = self.ball(corner, side, CUT_REACH);
-        body.distance(middle).abs() <= reach
-    }
-
-    /// Centre and radius of a ball that holds everything within `reach` (in half cubes) of the centres of the cubes of a
-    /// box from `corner`, `side` wide (in lattice coordinates).
-    fn ball(&self, corner: IVec3, side: i32, reach: f64) -> (DVec3, f64) {
-        let middle = self.position(corner) + DVec3::splat(0.5 * self.half * f64::from(side));
-        (middle, self.half * (f64::from(side / 2 - 1) * 3.0_f64.sqrt() + reach))
-    }
-}
-
-/// Spreads the low 20 bits so that two zeros follow each.
-fn spread(x: i32) -> u64 {
-    let mut x = (x as u64) & 0xf_ffff;
-    x = (x | (x << 32)) & 0x001f_0000_0000_ffff;
-    x = (x | (x << 16)) & 0x001f_0000_ff00_00ff;
-    x = (x | (x << 8)) & 0x100f_00f0_0f00_f00f;
-    x = (x | (x << 4)) & 0x10c3_0c30_c30c_30c3;
-    (x | (x << 2)) & 0x1249_2492_4924_9249
-}
-
-fn morton(node: IVec3) -> u64 {
-    spread(node.x) | (spread(node.y) << 1) | (spread(node.z) << 2)
-}
-
 /// A mesh before its vertices are numbered: one block's share.
 #[derive(Default)]
 struct Piece {
@@ -156,8 +81,7 @@ impl<'a> Cut<'a> {
     /// Cuts the surface of `body` by `lattice`: the costly part, done in parallel.
     pub(super) fn new(body: &'a Body, lattice: Lattice) -> Self {
         let blocks = cut_blocks(body, &lattice);
-        let pieces =
-            blocks.par_iter().map(|&corner| Block::new(body, &lattice, corner, &[]).piece()).collect();
+        let pieces = blocks.par_iter().map(|&corner| Block::new(body, &lattice, corner, &[]).piece()).collect();
         Self { body, lattice, blocks, pieces }
     }
 
@@ -201,12 +125,18 @@ impl<'a> Cut<'a> {
         }
     }
 
-    /// Makes the pieces again that name a node of `apart`.
+    /// Makes the pieces again of the blocks that look at a node of `apart`.
     fn take_apart(&mut self, apart: &[u64]) {
+        // A block looks at its own nodes and two steps beyond the upper sides.
+        let lookers = |&code: &u64| {
+            let node = IVec3::new(gather_bits(code), gather_bits(code >> 1), gather_bits(code >> 2));
+            octants(IVec3::ZERO, 2).map(move |back| morton((node - back) & IVec3::splat(!(BLOCK - 1))))
+        };
+        let mut touched: Vec<u64> = apart.iter().flat_map(lookers).collect();
+        touched.sort_unstable();
         let (body, lattice) = (self.body, &self.lattice);
         self.pieces.par_iter_mut().zip(&self.blocks).for_each(|(piece, &corner)| {
-            let named = |key: &Key| apart.binary_search(&(key >> 4)).is_ok();
-            if piece.vertices.iter().any(|v| named(&v.0)) || piece.triangles.iter().flatten().any(named) {
+            if touched.binary_search(&morton(corner)).is_ok() {
                 *piece = Block::new(body, lattice, corner, apart).piece();
             }
         });
@@ -226,11 +156,6 @@ fn cut_blocks(body: &Body, lattice: &Lattice) -> Vec<IVec3> {
             .collect();
     }
     corners
-}
-
-/// The eight cubes of the given side from `corner`, in Morton order.
-fn octants(corner: IVec3, side: i32) -> impl Iterator<Item = IVec3> {
-    (0..8).map(move |k| corner + side * IVec3::new(k & 1, (k >> 1) & 1, k >> 2))
 }
 
 /// The lattice nodes of one block, their distances found when first asked for.
@@ -307,12 +232,7 @@ impl<'a> Block<'a> {
         }
     }
 
-    fn tetrahedron(
-        &mut self,
-        nodes: [IVec3; 4],
-        (inside, order): (usize, [usize; 4]),
-        triangles: &mut Vec<[Key; 3]>,
-    ) {
+    fn tetrahedron(&mut self, nodes: [IVec3; 4], (inside, order): (usize, [usize; 4]), triangles: &mut Vec<[Key; 3]>) {
         let [a, b, c, d] = order.map(|k| nodes[k]);
         // Cuts of one node are one vertex, so many a triangle is an edge or a point.
         let mut push = |u, v, w| {
@@ -386,7 +306,8 @@ fn assemble(pieces: &[Piece]) -> Result<(TriMesh, Vec<u64>), MeshError> {
         Some(*end)
     }));
     let number = |key: Key, home: usize| -> u32 {
-        let found = vertices[starts[home]..starts[home + 1]].binary_search_by_key(&key, |v| v.0).map(|i| starts[home] + i);
+        let found =
+            vertices[starts[home]..starts[home + 1]].binary_search_by_key(&key, |v| v.0).map(|i| starts[home] + i);
         let at = found.or_else(|_| vertices.binary_search_by_key(&key, |v| v.0));
         at.expect("the block that owns a cut node is visited") as u32
     };
@@ -400,10 +321,8 @@ fn assemble(pieces: &[Piece]) -> Result<(TriMesh, Vec<u64>), MeshError> {
     for &v in triangles.iter().flatten() {
         used[v as usize] = 0;
     }
-    let mut count = 0;
-    for u in used.iter_mut().filter(|u| **u == 0) {
-        *u = count;
-        count += 1;
+    for (number, u) in (0..).zip(used.iter_mut().filter(|u| **u == 0)) {
+        *u = number;
     }
     let (keys, positions): (Vec<Key>, Vec<DVec3>) =
         vertices.into_iter().zip(&used).filter(|(_, u)| **u != u32::MAX).map(|(v, _)| v).unzip();
@@ -411,18 +330,95 @@ fn assemble(pieces: &[Piece]) -> Result<(TriMesh, Vec<u64>), MeshError> {
     Ok((TriMesh::new(positions, triangles)?, keys.into_iter().map(|key| key >> 4).collect()))
 }
 
-/// Vertices at an edge that has not exactly two faces, and those whose faces form more than one fan.
+/// Vertices at an edge that has not exactly two faces of opposite directions, and those whose faces form more than one fan.
 fn tied_vertices(mesh: &TriMesh) -> Vec<u32> {
     let topology = mesh.topology();
-    let mut tied: Vec<u32> = topology
-        .edges()
-        .iter()
-        .enumerate()
-        .filter(|(e, _)| topology.edge_faces(*e).len() != 2)
-        .flat_map(|(_, ends)| *ends)
-        .collect();
+    let forward = |face: u32, [a, b]: [u32; 2]| {
+        let t = topology.triangles()[face as usize];
+        [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].contains(&[a, b])
+    };
+    let is_tied = |e: usize, ends: [u32; 2]| match *topology.edge_faces(e) {
+        [f, g] => forward(f, ends) == forward(g, ends),
+        _ => true,
+    };
+    let edges = topology.edges().par_iter().enumerate().filter(|(e, ends)| is_tied(*e, **ends));
+    let mut tied: Vec<u32> = edges.flat_map_iter(|(_, ends)| *ends).collect();
     tied.par_extend((0..mesh.vertex_count() as u32).into_par_iter().filter(|&v| topology.fan_count(v as usize) != 1));
     tied.sort_unstable();
     tied.dedup();
     tied
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bones::{Bone, Limb};
+    use super::*;
+    use crate::shapes::tests::*;
+
+    fn ball(radius: f64) -> Body {
+        Body::new(vec![Limb::new(0.1, 0.0, vec![Bone::new([0.1, 0.2, 0.3], radius, [0.1, 0.2, 0.3], radius)])])
+    }
+
+    /// Each corner of a tetrahedron inside or not: the faces that are cut out separate the two, outward oriented.
+    #[test]
+    fn permutations_are_even_and_put_the_lone_corner_or_the_inside_pair_first() {
+        for (mask, (inside, order)) in CASES.iter().enumerate() {
+            assert_eq!(mask.count_ones() as usize, *inside);
+            let swaps =
+                (0..4).flat_map(|i| (i + 1..4).map(move |j| (i, j))).filter(|&(i, j)| order[i] > order[j]).count();
+            assert_eq!(swaps % 2, 0);
+            let is_inside = order.map(|k| mask >> k & 1 == 1);
+            match inside {
+                1 => assert_eq!(is_inside, [true, false, false, false]),
+                2 => assert_eq!(is_inside, [true, true, false, false]),
+                3 => assert_eq!(is_inside, [false, true, true, true]),
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn neighbours_come_in_opposite_pairs_of_equal_parity() {
+        for n in NEIGHBOURS {
+            assert!(NEIGHBOURS.contains(&-n));
+            assert!((n & 1) == IVec3::ZERO || (n & 1) == IVec3::ONE);
+        }
+    }
+
+    /// Vertices lie within a lattice step of a ball, and the volume converges, wherever the lattice lies.
+    #[test]
+    fn balls_are_closed_and_near_their_size() {
+        for (step, shift) in [(0.5, 0.0), (0.31, 0.3), (0.1, 0.77), (0.05, 0.5)] {
+            let body = ball(1.0);
+            let cut = Cut::new(&body, Lattice::new(&body, step, DVec3::splat(shift)).expect("a fair step"));
+            let count = cut.vertex_count();
+            let mesh = cut.mesh().expect("a closed surface");
+            assert_closed(&mesh, 2);
+            assert!(mesh.vertex_count() >= count * 99 / 100, "few vertices are unused");
+            for p in &mesh.positions {
+                assert!(body.distance(*p).abs() < 0.3 * step);
+            }
+            let volume = mesh.signed_volume() / (4.0 / 3.0 * std::f64::consts::PI);
+            assert!((volume - 1.0).abs() < step, "{step}: {volume}");
+        }
+    }
+
+    /// Two balls a fraction of a step apart, and a thin rod: hard for merged vertices, but still manifold and closed.
+    #[test]
+    fn surfaces_finer_than_the_lattice_stay_manifold() {
+        for (i, gap) in [0.001, 0.01, 0.05, 0.1].into_iter().enumerate() {
+            let balls = [-0.5 - gap, 0.5 + gap].map(|x| Bone::new([x, 0.0, 0.0], 0.5, [x, 0.0, 0.0], 0.5));
+            let rod = Bone::new([0.0, 0.6, -1.0], 0.06, [0.3, 0.7, 1.0], 0.04);
+            let body = Body::new([balls[0], balls[1], rod].map(|b| Limb::new(0.001, 0.0, vec![b])).to_vec());
+            for k in 0..10 {
+                let step = 0.09 + 0.013 * f64::from(k) + 0.001 * i as f64;
+                let lattice = Lattice::new(&body, step, DVec3::splat(0.1 * f64::from(k))).expect("a fair step");
+                let mesh = Cut::new(&body, lattice).mesh().expect("a closed surface");
+                let topology = mesh.topology();
+                assert_eq!(topology.require_manifold(), Ok(()));
+                assert_eq!(topology.require_closed(), Ok(()));
+                assert_eq!(topology.require_oriented(), Ok(()));
+            }
+        }
+    }
 }

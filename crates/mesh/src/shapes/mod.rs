@@ -4,20 +4,34 @@
 //! from outside. y is up and +z is to the front.
 
 mod bones;
+mod cactus;
 mod creature;
 mod even;
 mod implicit;
+mod lattice;
 mod primitives;
 mod relief;
 
+pub use cactus::cactus;
 pub use creature::creature;
 pub use primitives::{MAX_ICOSPHERE_LEVEL, bar, bumpy_plane, cylinder, icosphere, plane_grid, torus};
+
+use crate::MeshError;
+
+/// Refuses a number of vertices out of a generator's range.
+fn check_vertices(vertices: usize, least: usize, most: usize) -> Result<(), MeshError> {
+    if (least..=most).contains(&vertices) {
+        return Ok(());
+    }
+    let expected = format!("between {least} and {most}");
+    Err(MeshError::BadParameter { what: "vertices", expected, found: vertices.to_string() })
+}
 
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
 
-    use crate::TriMesh;
+    use crate::{TriMesh, face_area_vector};
 
     /// Sum over the vertices of a full turn less the angles of the faces there.
     pub(super) fn total_angle_defect(mesh: &TriMesh) -> f64 {
@@ -35,6 +49,22 @@ mod tests {
     pub(super) fn angle(p: [DVec3; 3], k: usize) -> f64 {
         let (u, v) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
         u.cross(v).length().atan2(u.dot(v))
+    }
+
+    /// The smallest angle of any face, in radians.
+    pub(super) fn smallest_angle(mesh: &TriMesh) -> f64 {
+        let angles = (0..mesh.face_count()).flat_map(|f| (0..3).map(move |k| angle(mesh.corners(f), k)));
+        angles.fold(f64::INFINITY, f64::min)
+    }
+
+    pub(super) fn surface_area(mesh: &TriMesh) -> f64 {
+        (0..mesh.face_count()).map(|f| face_area_vector(mesh.corners(f)).length()).sum()
+    }
+
+    /// Asserts the number of vertices to 2 %.
+    pub(super) fn assert_count(mesh: &TriMesh, vertices: usize) {
+        let found = mesh.vertex_count();
+        assert!(found.abs_diff(vertices) * 50 <= vertices, "{found} instead of {vertices}");
     }
 
     /// Asserts one closed, manifold, outward oriented component of the given Euler characteristic, with Gauss-Bonnet.

@@ -283,10 +283,6 @@ mod tests {
     use super::*;
     use crate::{face_area_vector, shapes::tests::*};
 
-    fn area(mesh: &TriMesh) -> f64 {
-        (0..mesh.face_count()).map(|f| face_area_vector(mesh.corners(f)).length()).sum()
-    }
-
     /// Errors of two meshes, the second with edges half as long: the order is the binary logarithm of their ratio.
     fn assert_second_order(what: &str, coarse: f64, fine: f64, exact: f64) {
         let (coarse_error, fine_error) = ((coarse - exact).abs(), (fine - exact).abs());
@@ -303,7 +299,7 @@ mod tests {
             assert!(sphere.positions.iter().all(|p| (p.length() - 1.0).abs() < 1e-15));
         }
         let (coarse, fine) = (icosphere(4), icosphere(5));
-        assert_second_order("area", area(&coarse), area(&fine), 4.0 * PI);
+        assert_second_order("area", surface_area(&coarse), surface_area(&fine), 4.0 * PI);
         assert_second_order("volume", coarse.signed_volume(), fine.signed_volume(), 4.0 / 3.0 * PI);
         assert_eq!(coarse.positions[..], fine.positions[..coarse.vertex_count()]);
     }
@@ -316,7 +312,7 @@ mod tests {
             assert_closed(mesh, 0);
         }
         assert_eq!(coarse.vertex_count(), 96 * 48);
-        assert_second_order("area", area(&coarse), area(&fine), 4.0 * PI * PI * 2.0 * 0.7);
+        assert_second_order("area", surface_area(&coarse), surface_area(&fine), 4.0 * PI * PI * 2.0 * 0.7);
         let volume = 2.0 * PI * PI * 2.0 * 0.7 * 0.7;
         assert_second_order("volume", coarse.signed_volume(), fine.signed_volume(), volume);
     }
@@ -329,7 +325,7 @@ mod tests {
             assert_closed(mesh, 2);
         }
         assert_eq!(coarse.vertex_count(), 64 * (32 + 2 * 8 - 1) + 2);
-        assert_second_order("area", area(&coarse), area(&fine), 2.0 * PI * 0.8 * (0.8 + 3.0));
+        assert_second_order("area", surface_area(&coarse), surface_area(&fine), 2.0 * PI * 0.8 * (0.8 + 3.0));
         assert_second_order("volume", coarse.signed_volume(), fine.signed_volume(), PI * 0.8 * 0.8 * 3.0);
     }
 
@@ -342,7 +338,7 @@ mod tests {
             assert_closed(&mesh, 2);
             let count = (nx + 1) * (ny + 1) * (nz + 1) - (nx - 1) * (ny - 1) * (nz - 1);
             assert_eq!(mesh.vertex_count(), count as usize);
-            assert!((area(&mesh) - 2.0 * (5.0 + 1.25 + 6.25)).abs() < 1e-12);
+            assert!((surface_area(&mesh) - 2.0 * (5.0 + 1.25 + 6.25)).abs() < 1e-12);
             assert!((mesh.signed_volume() - 6.25).abs() < 1e-12);
             assert_eq!((mesh.bounds().min, mesh.bounds().max), (-0.5 * size, 0.5 * size));
         }
@@ -357,7 +353,7 @@ mod tests {
             assert_eq!(topology.euler_characteristic(), 1);
             assert!(topology.is_manifold() && topology.require_oriented().is_ok());
             assert_eq!(topology.boundary_edge_count(), 2 * (columns + rows) as usize);
-            assert!((area(&grid) - 6.0).abs() < 1e-12);
+            assert!((surface_area(&grid) - 6.0).abs() < 1e-12);
             assert!((0..grid.face_count()).all(|f| face_area_vector(grid.corners(f)).z > 0.0));
             assert!(grid.bounds().centre().length() < 1e-15);
         }
