@@ -16,7 +16,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The cage is a subset of the shape's vertices: `origin` says which.
     let made = simplify(&shape, &CageSize::Fraction(0.05).into(), &Silent)?;
     let distance = surface_distance(&shape.positions, &made.mesh).rms / shape.bounds().diagonal();
-    println!("cage: {} of {} vertices, {:.3} % of the diagonal away", made.report.reached, shape.vertex_count(), 1e2 * distance);
+    println!(
+        "cage: {} of {} vertices, {:.3} % of the diagonal away",
+        made.report.reached,
+        shape.vertex_count(),
+        1e2 * distance
+    );
     assert_eq!(made.mesh.positions[0], shape.positions[made.origin[0] as usize]);
 
     // The same shape bound by three rules. Nothing is deformed, so whatever moves is the binding's own error.

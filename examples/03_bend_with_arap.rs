@@ -7,8 +7,8 @@ use std::time::Instant;
 
 use pliant::glam::DVec3;
 use pliant::{
-    Binding, CageSize, Goals, Handle, Method, Motion, Propagation, Propagator, Prune, Region, Silent, Similarity, TriMesh,
-    VertexSet, edge_errors, shapes, simplify, write,
+    Binding, CageSize, Goals, Handle, Method, Motion, Propagation, Propagator, Prune, Region, Silent, Similarity,
+    TriMesh, VertexSet, edge_errors, shapes, simplify, write,
 };
 
 /// Bottom and top of an upright mesh, as handles.

@@ -1,8 +1,10 @@
+use std::fmt;
+
 use glam::DVec3;
 use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
-use crate::arap::{Arap, ArapOptions};
+use crate::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -29,6 +31,45 @@ impl Method {
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
+        }
+    }
+}
+
+impl Method {
+    /// The same method with exactly this many iterations a solve.
+    #[must_use]
+    pub fn with_iterations(&self, iterations: u32) -> Self {
+        match self {
+            Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
+        }
+    }
+
+    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times.
+    #[must_use]
+    pub fn until_converged(&self, tolerance: f64, most: u32) -> Self {
+        match self {
+            Self::Arap(options) => {
+                Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
+            }
+        }
+    }
+}
+
+/// Name, weights and energy, as tables print them: `arap cotangent spokes`.
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Arap(options) => {
+                let weights = match options.weights {
+                    EdgeWeightKind::Cotangent => "cotangent",
+                    EdgeWeightKind::Uniform => "uniform",
+                };
+                let energy = match options.energy {
+                    ArapEnergy::Spokes => "spokes",
+                    ArapEnergy::SpokesAndRims => "spokes-and-rims",
+                };
+                write!(f, "arap {weights} {energy}")
+            }
         }
     }
 }

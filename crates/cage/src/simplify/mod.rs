@@ -74,8 +74,8 @@ pub struct SimplifyReport {
     pub locked: usize,
     /// Shape vertices without faces, which no cage can hold.
     pub unused: usize,
-    /// Faces of the cage that look away from the shape's normals at their corners. 0 but where the shape itself folds over,
-    /// or where the smallest cage was asked for (see [`simplify`]).
+    /// Faces of the cage, not of the shape, that look away from the shape's normals at their corners. 0 but for the smallest
+    /// cages (see [`simplify`]).
     pub flipped_faces: usize,
 }
 
@@ -306,14 +306,19 @@ impl Simplifier {
         for (new, &old) in origin.iter().enumerate() {
             number[old as usize] = new as u32;
         }
-        let faces: Vec<[u32; 3]> = self.working.faces.iter().copied().filter(|f| *f != DEAD).collect();
+        let working = &self.working;
+        let faces: Vec<[u32; 3]> = working.faces.iter().copied().filter(|f| *f != DEAD).collect();
+        // A face that was not touched is as it was, even if the shape folds over there.
+        let changed =
+            working.faces.iter().zip(shape.triangles()).filter(|(now, before)| **now != DEAD && now != before);
+        let flipped_faces = changed.filter(|(now, _)| working.is_flipped(**now)).count();
         let report = SimplifyReport {
             asked,
             reached: origin.len(),
             estimated_error: self.error,
             locked: self.working.locked.iter().filter(|l| **l).count(),
             unused: self.unused,
-            flipped_faces: faces.iter().filter(|f| self.working.is_flipped(**f)).count(),
+            flipped_faces,
         };
         let positions = origin.iter().map(|&v| shape.positions[v as usize]).collect();
         let mesh = TriMesh::new(positions, faces.into_iter().map(|f| f.map(|v| number[v as usize])).collect())?;

@@ -48,9 +48,10 @@ pub use resolve::{ResolvedHandle, ResolvedScene};
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// The scenes that come with the library; the file's stem is the scene's name.
-const BUILTIN: [(&str, &str); 2] = [
+const BUILTIN: [(&str, &str); 3] = [
     ("armadillo-0", include_str!("../../../../data/scenes/armadillo-0.json")),
     ("armadillo-2", include_str!("../../../../data/scenes/armadillo-2.json")),
+    ("creature", include_str!("../../../../data/scenes/creature.json")),
 ];
 
 /// An edit script for a shape in a known pose, at any resolution.
