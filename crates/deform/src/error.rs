@@ -107,7 +107,8 @@ pub enum HandleFault {
         /// The weight.
         weight: f64,
     },
-    /// Its goal is not a similarity: a number is not finite, the scale is not positive, or the rotation is not a unit quaternion.
+    /// Its goal is not a similarity: a number is not finite, the scale is not positive, or the rotation is not a unit
+    /// quaternion.
     #[error("has a goal that is no similarity: {reason}")]
     Goal {
         /// Which of its numbers is at fault.

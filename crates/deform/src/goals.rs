@@ -28,8 +28,8 @@ impl Goals {
     /// Whether there is one usable transform for each handle of `region`.
     ///
     /// # Errors
-    /// [`DeformError::WrongCount`], or [`DeformError::Handle`] with [`HandleFault::Goal`] for the first handle whose goal is not
-    /// finite, has a scale that is not positive or a rotation that is not a unit quaternion.
+    /// [`DeformError::WrongCount`], or [`DeformError::Handle`] with [`HandleFault::Goal`] for the first handle whose
+    /// goal is not finite, has a scale that is not positive or a rotation that is not a unit quaternion.
     pub fn check(&self, region: &Region) -> Result<(), DeformError> {
         let (expected, found) = (region.handles().len(), self.transforms.len());
         if expected != found {

@@ -10,9 +10,9 @@
 //! - **rest**: the undeformed shape, whose details a method tries to keep.
 //!
 //! # Use
-//! A [`Region`] says who is free, a [`Method`] is prepared for it once, and the [`Deformer`] solves for goals as often as they
-//! change. The matrix depends on the rest shape and on who is free, the right-hand side only on where handles go;
-//! every method is cut there. `positions` is the only state, so the last pose is the warm start.
+//! A [`Region`] says who is free, a [`Method`] is prepared for it once, and the [`Deformer`] solves for goals as often
+//! as they change. The matrix depends on the rest shape and on who is free, the right-hand side only on where handles
+//! go; every method is cut there. `positions` is the only state, so the last pose is the warm start.
 //!
 //! ```
 //! use glam::DVec3;

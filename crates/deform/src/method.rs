@@ -78,9 +78,9 @@ impl fmt::Display for Method {
 pub trait Deformer: Send {
     /// Moves `positions` so that the handles meet `goals`.
     ///
-    /// `positions` is the only state: on entry the pose to start from (the rest pose or that of the last call, one position per vertex), on exit
-    /// the solution. Fixed vertices keep their bits; the vertices of hard handles are exactly where their goal takes their rest
-    /// position. On an error `positions` is unchanged. Nothing is allocated.
+    /// `positions` is the only state: on entry the pose to start from (the rest pose or that of the last call, one
+    /// position per vertex), on exit the solution. Fixed vertices keep their bits; the vertices of hard handles are
+    /// exactly where their goal takes their rest position. On an error `positions` is unchanged. Nothing is allocated.
     ///
     /// # Errors
     /// [`DeformError::WrongCount`] or [`DeformError::Handle`] for goals that do not fit or are no similarities,
@@ -98,7 +98,8 @@ pub trait Deformer: Send {
 pub struct PrepareReport {
     /// Vertices solved for: free ones and those of soft handles.
     pub unknowns: usize,
-    /// Vertices of the region of interest that no path along edges joins to anything held, unused ones included. They stay in the incoming pose.
+    /// Vertices of the region of interest that no path along edges joins to anything held, unused ones included. They
+    /// stay in the incoming pose.
     pub unconstrained: usize,
     /// Edge weights that had to be changed to keep the equations well-behaved.
     pub clamped_weights: usize,

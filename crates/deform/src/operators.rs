@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 /// Largest ratio of two cotangent weights of a mesh.
 ///
-/// A needle's cotangents reach 1e16; beside them the other edges of its vertices would vanish in rounding. An edge a million
-/// times stiffer than usual is rigid already.
+/// A needle's cotangents reach 1e16; beside them the other edges of its vertices would vanish in rounding. An edge a
+/// million times stiffer than usual is rigid already.
 const MAX_SPREAD: f64 = 1e9;
 
 /// How edges are weighted.
@@ -46,8 +46,8 @@ fn cap(weights: &[f64]) -> f64 {
 /// Weights of the three edges of each face.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FaceWeights {
-    /// Entry `k` of a face belongs to the edge opposite to its corner `k`. May be negative, but neither the energy of a face nor the sum over the
-    /// faces of an edge is.
+    /// Entry `k` of a face belongs to the edge opposite to its corner `k`. May be negative, but neither the energy of
+    /// a face nor the sum over the faces of an edge is.
     pub(crate) values: Vec<[f64; 3]>,
     /// How many edges' weights were raised, and faces' lowered.
     pub(crate) clamped: usize,
@@ -56,9 +56,9 @@ pub(crate) struct FaceWeights {
 impl FaceWeights {
     /// 1 for each edge of each face, or half the cotangent of the opposite angle.
     ///
-    /// The cotangents of one face make a positive semidefinite form, whatever their signs, so they need no clamping; they are
-    /// only scaled down together in a needle. Where an edge's sum over its faces is below the weight of [`edge_weights`] (that is, where that one
-    /// was clamped), its faces share the difference.
+    /// The cotangents of one face make a positive semidefinite form, whatever their signs, so they need no clamping;
+    /// they are only scaled down together in a needle. Where an edge's sum over its faces is below the weight of
+    /// [`edge_weights`] (that is, where that one was clamped), its faces share the difference.
     pub(crate) fn new(mesh: &TriMesh, kind: EdgeWeightKind) -> Self {
         if kind == EdgeWeightKind::Uniform {
             return Self { values: vec![[1.0; 3]; mesh.face_count()], clamped: 0 };

@@ -11,8 +11,8 @@ pub enum Constraint {
     /// Exactly: the vertices are taken out of the equations.
     #[default]
     Hard,
-    /// In the least-squares sense, with a weight in (0, inf) relative to the mean diagonal entry of the method's matrix, which makes
-    /// it independent of the mesh's scale and of the kind of edge weights.
+    /// In the least-squares sense, with a weight in (0, inf) relative to the mean diagonal entry of the method's
+    /// matrix, which makes it independent of the mesh's scale and of the kind of edge weights.
     ///
     /// Weights beyond `1e-10..1e12` act as those bounds: rounding leaves no difference.
     Soft(f64),
@@ -63,9 +63,9 @@ impl Region {
     /// The region in which the vertices of `roi` take part, those in a handle are led by it, and all others are fixed.
     ///
     /// # Errors
-    /// [`DeformError::Handle`] for a handle that is empty, leaves the region or the mesh, shares a vertex with another or has a weight that is
-    /// not a positive number; [`DeformError::EmptyRegion`], [`DeformError::VertexOutOfRange`]; [`DeformError::NoConstraint`] if
-    /// every vertex of the mesh would be free.
+    /// [`DeformError::Handle`] for a handle that is empty, leaves the region or the mesh, shares a vertex with another
+    /// or has a weight that is not a positive number; [`DeformError::EmptyRegion`], [`DeformError::VertexOutOfRange`];
+    /// [`DeformError::NoConstraint`] if every vertex of the mesh would be free.
     pub fn new(vertex_count: usize, roi: &VertexSet, handles: &[Handle]) -> Result<Self, DeformError> {
         if roi.is_empty() {
             return Err(DeformError::EmptyRegion);

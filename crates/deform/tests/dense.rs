@@ -8,8 +8,8 @@ use pliant_deform::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
 use pliant_deform::{Constraint, Deformer, Goals, Handle, Region, Role};
 use pliant_mesh::{Similarity, TriMesh, VertexSet};
 
-/// Everything below is written from the energies alone: cells as lists of weighted edges, a dense matrix, elimination without pivoting, and
-/// rotations from singular vectors.
+/// Everything below is written from the energies alone: cells as lists of weighted edges, a dense matrix, elimination
+/// without pivoting, and rotations from singular vectors.
 struct Dense<'a> {
     mesh: &'a TriMesh,
     region: &'a Region,
@@ -149,14 +149,17 @@ impl<'a> Dense<'a> {
             self.is_unknown(v) && self.goal(v, goals).is_some()
                 || !self.is_unknown(v) && around.iter().any(|&w| self.is_unknown(w as usize))
         };
-        let pairs: Vec<(DVec3, DVec3)> =
-            (0..pose.len()).filter(|&v| near(v)).map(|v| (pose[v], self.goal(v, goals).unwrap_or(pose[v]))).collect();
-        let count = pairs.len() as f64;
-        let (from, to) =
-            (pairs.iter().map(|p| p.0).sum::<DVec3>() / count, pairs.iter().map(|p| p.1).sum::<DVec3>() / count);
+        let grip = |v: usize| if self.is_unknown(v) { self.soft / (1.0 + self.soft) } else { 1.0 };
+        let points: Vec<(DVec3, DVec3, f64)> = (0..pose.len())
+            .filter(|&v| near(v))
+            .map(|v| (pose[v], self.goal(v, goals).unwrap_or(pose[v]), grip(v)))
+            .collect();
+        let total: f64 = points.iter().map(|p| p.2).sum();
+        let from = points.iter().map(|p| p.2 * p.0).sum::<DVec3>() / total;
+        let to = points.iter().map(|p| p.2 * p.1).sum::<DVec3>() / total;
         let mut s = DMat3::ZERO;
-        for (x, y) in pairs {
-            let (x, y) = (x - from, y - to);
+        for (x, y, w) in points {
+            let (x, y) = (x - from, w * (y - to));
             s += DMat3::from_cols(y * x.x, y * x.y, y * x.z);
         }
         let common = polar(s);
@@ -169,7 +172,8 @@ impl<'a> Dense<'a> {
     }
 }
 
-/// Kabsch's best proper rotation: right singular vectors by Jacobi rotations of `s^T s`, left ones from them, the third by cross products.
+/// Kabsch's best proper rotation: right singular vectors by Jacobi rotations of `s^T s`, left ones from them, the
+/// third by cross products.
 fn polar(s: DMat3) -> DMat3 {
     let (mut a, mut v) = (s.transpose() * s, DMat3::IDENTITY);
     for sweep in 0..60 {

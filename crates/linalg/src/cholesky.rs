@@ -15,11 +15,13 @@ use crate::{LinalgError, Triplet};
 /// Right-hand sides solved together: the coordinates of a point.
 const RIGHT_HAND_SIDES: usize = 3;
 
-/// faer's own threads make a solve with three right-hand sides 8 to 25 times slower: there is too little work to share out.
+/// faer's own threads make a solve with three right-hand sides 8 to 25 times slower: there is too little work to share
+/// out.
 const PAR: Par = Par::Seq;
 
-/// A pivot below this share of its diagonal entry is what rounding leaves of a zero: about 1e-16 for a hundred unknowns of a mesh's
-/// Laplacian, over 1e-14 for ten thousand. A true pivot so small would leave four digits of the solution.
+/// A pivot below this share of its diagonal entry is what rounding leaves of a zero: about 1e-16 for a hundred
+/// unknowns of a mesh's Laplacian, over 1e-14 for ten thousand. A true pivot so small would leave four digits of the
+/// solution.
 const SMALLEST_PIVOT: f64 = 1e-12;
 
 /// The pattern of a symmetric matrix with a fill-reducing order (AMD) and the pattern of its Cholesky factor.
@@ -200,12 +202,13 @@ impl Cholesky {
         Self::new(pattern, triplets.iter().map(|t| t.value))
     }
 
-    /// Factors again with other values in the same places, in the same memory; the result is bit for bit that of a fresh factorisation.
+    /// Factors again with other values in the same places, in the same memory; the result is bit for bit that of a
+    /// fresh factorisation.
     ///
     /// # Errors
     /// [`LinalgError::WrongCount`] or [`LinalgError::EntryNotFinite`] for values that do not fit, and
-    /// [`LinalgError::NotPositiveDefinite`] with the unknown at which no pivot was left. After an error there is no factor,
-    /// and solving repeats the error.
+    /// [`LinalgError::NotPositiveDefinite`] with the unknown at which no pivot was left. After an error there is no
+    /// factor, and solving repeats the error.
     pub fn refactor(&mut self, values: impl IntoIterator<Item = f64>) -> Result<(), LinalgError> {
         self.state = self.sum_values(values).and_then(|()| self.factorise()).and_then(|()| self.check_pivots());
         self.state.clone()
@@ -216,7 +219,8 @@ impl Cholesky {
         &self.pattern
     }
 
-    /// Replaces each of three right-hand sides by its solution; row `i` of `rhs` belongs to unknown `i`. Allocates nothing.
+    /// Replaces each of three right-hand sides by its solution; row `i` of `rhs` belongs to unknown `i`. Allocates
+    /// nothing.
     ///
     /// Costs about two operations per stored number of the factor and right-hand side.
     ///

@@ -6,8 +6,8 @@
 //! 2. the *values*: [`Cholesky::new`], then [`Cholesky::refactor`] in the same memory;
 //! 3. the *right-hand sides*: [`Cholesky::solve_in_place`], which allocates nothing.
 //!
-//! [`Partition`] takes known unknowns out of a system: it cuts a full matrix, given as [`Triplet`]s, into the block of the free
-//! unknowns and their coupling to the fixed ones.
+//! [`Partition`] takes known unknowns out of a system: it cuts a full matrix, given as [`Triplet`]s, into the block of
+//! the free unknowns and their coupling to the fixed ones.
 //!
 //! This crate knows numbers only: no mesh, no vertex. faer is used here and nowhere else.
 

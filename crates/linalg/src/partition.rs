@@ -2,8 +2,8 @@ use crate::{LinalgError, Triplet};
 
 /// Which unknowns of a full system are free and which are fixed, with index maps both ways.
 ///
-/// Both kinds are numbered from 0 in the order of the full system. With `x_c` given at the fixed unknowns, the free ones solve
-/// `A_ff x_f = b_f - A_fc x_c`: [`Self::free_block`] is `A_ff`, [`Self::coupling`] is `A_fc`.
+/// Both kinds are numbered from 0 in the order of the full system. With `x_c` given at the fixed unknowns, the free
+/// ones solve `A_ff x_f = b_f - A_fc x_c`: [`Self::free_block`] is `A_ff`, [`Self::coupling`] is `A_fc`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Partition {
     free: Vec<u32>,

@@ -1,6 +1,6 @@
 use crate::{Topology, TriMesh};
 
-/// Cotangent weights are kept above this share of their mean.
+/// Cotangent weights are kept above this share of their median.
 ///
 /// On a simplified mesh obtuse triangles make some weights negative and the matrix indefinite; clamped weights keep
 /// every energy bounded below.
@@ -23,7 +23,7 @@ impl EdgeWeights {
 
     /// Cotangent weights, `(cot a + cot b) / 2` with the angles opposite to the edge (Pinkall and Polthier 1993).
     ///
-    /// Weights below [`MIN_RELATIVE_COTANGENT`] times the mean of the positive ones are raised to it and counted. A face
+    /// Weights below [`MIN_RELATIVE_COTANGENT`] times their median are raised to it and counted. A face
     /// without area adds nothing. Weights do not change when the mesh is scaled.
     pub fn cotangent(mesh: &TriMesh) -> Self {
         let topology = mesh.topology();
@@ -38,9 +38,7 @@ impl EdgeWeights {
                 }
             }
         }
-        let (sum, count) = values.iter().filter(|w| **w > 0.0).fold((0.0, 0usize), |(s, n), w| (s + w, n + 1));
-        // A needle has cotangents up to 1e16, which would raise the mean and with it every other weight: cap first.
-        let smallest = if count > 0 { MIN_RELATIVE_COTANGENT * typical(&values, sum / count as f64) } else { 1.0 };
+        let smallest = MIN_RELATIVE_COTANGENT * typical(&values);
         let mut clamped = 0;
         for w in &mut values {
             if *w < smallest {
@@ -52,9 +50,13 @@ impl EdgeWeights {
     }
 }
 
-/// The mean of the positive weights not above ten times `mean`.
-fn typical(values: &[f64], mean: f64) -> f64 {
-    let (sum, count) =
-        values.iter().filter(|w| **w > 0.0 && **w <= 10.0 * mean).fold((0.0, 0usize), |(s, n), w| (s + w, n + 1));
-    if count > 0 { sum / count as f64 } else { mean }
+/// The median of the weights, which changes continuously with them (many are 0 but for rounding where right angles are
+/// common) and which a few needles with cotangents up to 1e16 do not raise; the mean of the positive parts should the
+/// median not be positive, and 1 should there be none.
+fn typical(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    let middle = sorted.len() / 2;
+    let median = if sorted.is_empty() { 0.0 } else { *sorted.select_nth_unstable_by(middle, f64::total_cmp).1 };
+    let mean = values.iter().map(|w| w.max(0.0)).sum::<f64>() / values.len().max(1) as f64;
+    [median, mean].into_iter().find(|t| *t > 0.0).unwrap_or(1.0)
 }

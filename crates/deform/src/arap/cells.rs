@@ -65,11 +65,11 @@ pub(super) struct Pull {
 /// The part of the mesh that an edit can reach, renumbered: *slots* `0..unknowns` are solved for, slots `..cells` have
 /// a rotation (they are unknown or next to one), and the remaining ones are only looked at by those cells.
 ///
-/// The energy of the cell of `i` is a sum over its edges `w |(p'_p - p'_q) - R_i (p_p - p_q)|^2`. For both energies the
-/// best `R_i` comes from `S_i = sum_j (p'_j - p'_i) c_ij^T` over the neighbours `j`, where `c_ij = sum_q w (p_j - p_q)` runs over the
-/// cell's edges at `j`; and setting the derivative with respect to `p'_j` to zero gives the row
-/// `(L p')_j = sum_i R_i c_ij / m` over the cells `i` that contain `j`, `m` being the multiplicity. Spokes alone make this
-/// Sorkine and Alexa's (2007) Eq. 5 and 8, since there `c_ij = w_ij (p_j - p_i)`.
+/// The energy of the cell of `i` is a sum over its edges `w |(p'_p - p'_q) - R_i (p_p - p_q)|^2`. For both energies
+/// the best `R_i` comes from `S_i = sum_j (p'_j - p'_i) c_ij^T` over the neighbours `j`, where `c_ij = sum_q w (p_j -
+/// p_q)` runs over the cell's edges at `j`; and setting the derivative with respect to `p'_j` to zero gives the row
+/// `(L p')_j = sum_i R_i c_ij / m` over the cells `i` that contain `j`, `m` being the multiplicity. Spokes alone make
+/// this Sorkine and Alexa's (2007) Eq. 5 and 8, since there `c_ij = w_ij (p_j - p_i)`.
 pub(super) struct Cells {
     /// Mesh vertex of each slot; increasing within the three ranges.
     pub(super) vertices: Vec<u32>,

@@ -24,8 +24,8 @@ const ROUNDING_ENERGY: f64 = 1e-29;
 
 /// A prepared as-rigid-as-possible edit.
 ///
-/// Computes in the rest shape's frame, centred and scaled by a power of two to a diagonal between 1/2 and 1, so results follow any scale and
-/// offset of the scene. They are the same, bit for bit, for any number of threads.
+/// Computes in the rest shape's frame, centred and scaled by a power of two to a diagonal between 1/2 and 1, so
+/// results follow any scale and offset of the scene. They are the same, bit for bit, for any number of threads.
 pub struct Arap {
     options: ArapOptions,
     region: Region,
@@ -147,10 +147,10 @@ impl Arap {
 
     /// The energy of a pose, with the best rotation of each cell, in world units (of weight times squared length).
     ///
-    /// It is the sum, over the cells of free vertices and their neighbours, of `w |e' - R e|^2` (Borosan et al. 2010, Eq. 1), and over the
-    /// vertices of soft handles of `m k |p' - goal|^2`, with `k` the handle's weight times the mean diagonal entry of the
-    /// matrix and `m` the number of cells that count an edge (2 for spokes, 3 for spokes and rims). Hard handles are taken
-    /// where the pose has them.
+    /// It is the sum, over the cells of free vertices and their neighbours, of `w |e' - R e|^2` (Borosan et al. 2010,
+    /// Eq. 1), and over the vertices of soft handles of `m k |p' - goal|^2`, with `k` the handle's weight times the
+    /// mean diagonal entry of the matrix and `m` the number of cells that count an edge (2 for spokes, 3 for spokes
+    /// and rims). Hard handles are taken where the pose has them.
     ///
     /// # Errors
     /// As [`Deformer::solve`].
@@ -193,9 +193,9 @@ impl Arap {
 
     /// The initial guess: the global step from the rotations of the incoming pose.
     ///
-    /// Those rotations are taken before the handles jump: with handles already at their goals, the cells at their rims would see
-    /// torn edges and no true rotation. From rest all of them are one rotation: the identity (Sorkine and Alexa's guess) unless the
-    /// constraints turn as a whole.
+    /// Those rotations are taken before the handles jump: with handles already at their goals, the cells at their rims
+    /// would see torn edges and no true rotation. From rest all of them are one rotation: the identity (Sorkine and
+    /// Alexa's guess) unless the constraints turn as a whole.
     fn guess(&mut self) -> Result<(), LinalgError> {
         self.follow_constraints();
         let Self { cells, scratch, .. } = self;
@@ -206,18 +206,20 @@ impl Arap {
 
     /// Moves the whole pose along with what holds it, by the rigid motion that takes that nearest to its goals.
     ///
-    /// A motion common to all constraints is thus followed exactly, whatever its angle, where the plain guess would need many iterations. On
-    /// ordinary edits (ends turned, twisted, lifted or swung, in one jump or twenty steps) it lowered the energy after two
-    /// iterations by a few to fifty percent and never raised it by more than one, so it is always done. The fit is over
-    /// the constrained vertices next to an unknown and those of soft handles: no others enter the equations.
+    /// A motion common to all constraints is thus followed exactly, whatever its angle, where the plain guess would
+    /// need many iterations. On ordinary edits (ends turned, twisted, lifted or swung, in one jump or twenty steps) it
+    /// lowered the energy after two iterations by a few to fifty percent and never raised it by more than one, so it
+    /// is always done. The fit is over the constrained vertices next to an unknown and those of soft handles, as far
+    /// as these count: no others enter the equations.
     fn follow_constraints(&mut self) {
         let Self { cells, scratch, springs, .. } = self;
         let Scratch { pose, goals, .. } = scratch;
-        let held = (cells.unknowns..cells.cells).chain(springs.iter().map(|s| s.slot as usize));
-        if held.clone().all(|slot| pose[slot] == goals[slot]) {
+        let hard = (cells.unknowns..cells.cells).map(|slot| (slot, 1.0));
+        let held = hard.chain(springs.iter().map(|s| (s.slot as usize, s.grip)));
+        if held.clone().all(|(slot, _)| pose[slot] == goals[slot]) {
             return;
         }
-        let (rotation, translation) = fit_rigid(held.map(|slot| (pose[slot], goals[slot])));
+        let (rotation, translation) = fit_rigid(held.map(|(slot, grip)| (pose[slot], goals[slot], grip)));
         for position in pose {
             *position = rotation * *position + translation;
         }
@@ -329,8 +331,9 @@ fn weigh(options: &ArapOptions, mesh: &TriMesh) -> (CellEdges, Vec<f64>, usize) 
 
 /// Whether each vertex is to be solved for, and how many that should be are connected to nothing that holds them.
 ///
-/// Every weight is positive, so a vertex is held if and only if edges between unknowns lead from it to a soft handle or to a neighbour that
-/// is not solved for. What is held by nothing would make the matrix singular, and stays where it is.
+/// Every weight is positive, so a vertex is held if and only if edges between unknowns lead from it to a soft handle
+/// or to a neighbour that is not solved for. What is held by nothing would make the matrix singular, and stays where
+/// it is.
 fn find_unknowns(topology: &Topology, region: &Region) -> (Vec<bool>, usize) {
     let count = region.vertex_count();
     let soft = |v: usize| matches!(region.constraint(v), Some(Constraint::Soft(_)));
@@ -364,8 +367,10 @@ fn mean_diagonal(block: &[Triplet], unknowns: usize) -> f64 {
 fn springs(region: &Region, partition: &Partition, mean_diagonal: f64) -> Vec<Spring> {
     let of_unknown = |(slot, &v): (usize, &u32)| match (region.roles()[v as usize], region.constraint(v as usize)) {
         (Role::Handle(handle), Some(Constraint::Soft(weight))) => {
-            let stiffness = weight.clamp(SOFT_RANGE[0], SOFT_RANGE[1]) * mean_diagonal;
-            Some(Spring { slot: slot as u32, handle, stiffness })
+            let weight = weight.clamp(SOFT_RANGE[0], SOFT_RANGE[1]);
+            // In series with a surface of stiffness 1.
+            let grip = weight / (1.0 + weight);
+            Some(Spring { slot: slot as u32, handle, stiffness: weight * mean_diagonal, grip })
         }
         _ => None,
     };

@@ -1,12 +1,15 @@
 //! As-rigid-as-possible surface modeling.
 //!
-//! - Sorkine, Alexa. *As-Rigid-As-Possible Surface Modeling.* SGP 2007. The energy, the two steps and the initial guess.
-//! - Borosan, Howard, Zhang, Nealen. *Hybrid Mesh Editing.* Eurographics 2010, section 2.1: the same with weights 1 and two iterations. Its Eq. 2 prints
-//!   the covariance as `sum w e e^T`; it must be `sum w e' e^T`, and the rotation proper.
-//! - Chao, Pinkall, Sanan, Schröder. *A Simple Geometric Model for Elastic Deformation.* SIGGRAPH 2010: spokes and rims.
+//! - Sorkine, Alexa. *As-Rigid-As-Possible Surface Modeling.* SGP 2007. The energy, the two steps and the initial
+//!   guess.
+//! - Borosan, Howard, Zhang, Nealen. *Hybrid Mesh Editing.* Eurographics 2010, section 2.1: the same with weights 1
+//!   and two iterations. Its Eq. 2 prints the covariance as `sum w e e^T`; it must be `sum w e' e^T`, and the rotation
+//!   proper.
+//! - Chao, Pinkall, Sanan, Schröder. *A Simple Geometric Model for Elastic Deformation.* SIGGRAPH 2010: spokes and
+//!   rims.
 //!
-//! An iteration is a *local* step (the best rotation of each cell, positions held) and a *global* step (positions, rotations held:
-//! a linear system whose matrix never changes). Both minimise the same energy, so it never rises.
+//! An iteration is a *local* step (the best rotation of each cell, positions held) and a *global* step (positions,
+//! rotations held: a linear system whose matrix never changes). Both minimise the same energy, so it never rises.
 
 mod cells;
 mod deformer;
@@ -28,7 +31,7 @@ pub enum ArapEnergy {
     /// The edges at the vertex (Sorkine and Alexa 2007).
     #[default]
     Spokes,
-    /// All edges of the faces round the vertex (Chao et al. 2010): bends more smoothly, at the same cost per iteration.
+    /// All edges of the faces round the vertex (Chao et al. 2010): bends more smoothly, at nearly the same cost.
     SpokesAndRims,
 }
 
@@ -40,11 +43,12 @@ pub struct ArapOptions {
     pub weights: EdgeWeightKind,
     /// Default: spokes.
     pub energy: ArapEnergy,
-    /// Iterations after the initial guess, at most [`MAX_ITERATIONS`]; with a tolerance, the most that are done. Default: 2. With 0 the result is
-    /// the guess.
+    /// Iterations after the initial guess, at most [`MAX_ITERATIONS`]; with a tolerance, the most that are done.
+    /// Default: 2. With 0 the result is the guess.
     pub iterations: u32,
-    /// If given, iterations stop as soon as one has lowered the energy by no more than this share of it; a number of 0 or more. 1e-4 is
-    /// hard to tell from convergence by eye. Costs one local step and one pass over the edges more. Default: none.
+    /// If given, iterations stop as soon as one has lowered the energy by no more than this share of it; a number of 0
+    /// or more. 1e-4 is hard to tell from convergence by eye. Costs one local step and one pass over the edges more.
+    /// Default: none.
     pub tolerance: Option<f64>,
 }
 

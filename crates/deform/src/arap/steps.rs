@@ -20,6 +20,8 @@ pub(super) struct Spring {
     pub(super) handle: u32,
     /// What it adds to the matrix's diagonal.
     pub(super) stiffness: f64,
+    /// How much its goal counts where a hard one counts 1.
+    pub(super) grip: f64,
 }
 
 /// `target * rest^T`.
@@ -39,23 +41,27 @@ pub(super) fn fit_rotations(cells: &Cells, pose: &[DVec3], rotations: &mut [DMat
     });
 }
 
-/// The rigid motion `(Q, t)`, `x -> Q x + t`, that best takes points to their goals in the least-squares sense.
-pub(super) fn fit_rigid(pairs: impl Iterator<Item = (DVec3, DVec3)> + Clone) -> (DMat3, DVec3) {
-    let (from, to, count) =
-        pairs.clone().fold((DVec3::ZERO, DVec3::ZERO, 0.0), |(x, y, n), (p, q)| (x + p, y + q, n + 1.0));
-    if count == 0.0 {
+/// The rigid motion `(Q, t)`, `x -> Q x + t`, that best takes points to their goals in the weighted least-squares
+/// sense.
+///
+/// `points` yields position, goal and weight.
+pub(super) fn fit_rigid(points: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone) -> (DMat3, DVec3) {
+    let sums =
+        points.clone().fold((DVec3::ZERO, DVec3::ZERO, 0.0), |(x, y, n), (p, q, w)| (x + w * p, y + w * q, n + w));
+    let (from, to, total) = sums;
+    if total == 0.0 {
         return (DMat3::IDENTITY, DVec3::ZERO);
     }
-    let (from, to) = (from / count, to / count);
-    let s = pairs.fold(DMat3::ZERO, |s, (p, q)| s + outer(q - to, p - from));
+    let (from, to) = (from / total, to / total);
+    let s = points.fold(DMat3::ZERO, |s, (p, q, w)| s + outer(q - to, w * (p - from)));
     let rotation = best_rotation(s);
     (rotation, to - rotation * from)
 }
 
 /// The global step: with the rotations held, moves the unknowns of `pose` to the least energy.
 ///
-/// Solves for the change, `A dx = b - A x`: the residual is formed edge by edge from differences of positions, so a pose that already is the
-/// solution stays, to rounding, wherever it lies and however ill-conditioned `A` is.
+/// Solves for the change, `A dx = b - A x`: the residual is formed edge by edge from differences of positions, so a
+/// pose that already is the solution stays, to rounding, wherever it lies and however ill-conditioned `A` is.
 pub(super) fn move_unknowns(
     cells: &Cells,
     factor: &mut Cholesky,
