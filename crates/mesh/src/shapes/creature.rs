@@ -142,14 +142,18 @@ fn spikes() -> Vec<Limb> {
 fn skin(p: DVec3, sample: &Sample, edge: f64) -> f64 {
     // A pattern fades where the mesh has too few vertices for it.
     let shown = |width: f64| rise(0.7, 2.2, width / edge);
+    let features = face(p) * shown(0.025);
     // Thin parts keep a thin skin, so that it never folds over itself.
     let thick = sample.relief * rise(0.03, 0.12, sample.radius);
+    if thick == 0.0 {
+        return -features;
+    }
     let to_front = sample.gradient.z;
     let belly = rise(0.45, 0.75, to_front) * rise(0.36, 0.46, p.y) * rise(1.30, 1.15, p.y) * rise(0.2, 0.13, p.x.abs());
     let soft = 0.006 * noise(p * 3.0 + 7.3);
     let plates = 0.014 * scales(p / 0.125) * shown(0.05) + 0.003 * scales(p / 0.055) * shown(0.02) - 0.0085;
     let bands = 0.008 * wave((p.y + 0.5 * p.x * p.x) / 0.095) * shown(0.045);
-    thick * (soft + (1.0 - belly) * plates + belly * bands) - face(p) * shown(0.025)
+    thick * (soft + (1.0 - belly) * plates + belly * bands) - features
 }
 
 /// Depth of the smile, the nostrils and the pupils.

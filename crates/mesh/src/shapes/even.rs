@@ -1,5 +1,7 @@
 //! Meshes of a body with a wanted number of vertices and even triangles.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -11,13 +13,13 @@ use crate::{Bounds, MeshError, Topology, TriMesh};
 /// Vertices of the first, cheap lattice from which the area is learnt.
 const TRIAL: f64 = 20_000.0;
 /// Relative miss of the wanted count that ends the search for a lattice.
-const CLOSE: f64 = 0.01;
+const CLOSE: f64 = 0.015;
 /// The same for the finished mesh.
 const CLOSE_ENOUGH: f64 = 0.018;
 /// Lattices whose mesh is looked at before giving up.
 const ATTEMPTS: u32 = 8;
 /// Vertices times square of the lattice step, per area.
-const PER_SQUARE: f64 = 1.74;
+const PER_SQUARE: f64 = 1.77;
 /// Extent in edges of the groups of vertices that share a part of the body while they are moved.
 const RUN_SIZE: f64 = 6.0;
 const SMOOTHING_ROUNDS: usize = 5;
@@ -62,8 +64,11 @@ pub(super) fn even_mesh(body: &Body, area: f64, vertices: usize, relief: &Relief
     };
     // Two triangles of equal sides for each vertex.
     let edge = (area / (0.75_f64.sqrt() * vertices as f64)).sqrt();
-    let positions = smoothed(body, mesh.topology(), mesh.positions.clone(), edge);
-    mesh.with_positions(raised(body, &positions, edge, relief))
+    let starts = compact_runs(&mesh.positions, RUN_SIZE * edge);
+    let parts: Vec<Part> =
+        starts.par_windows(2).map(|run| Part::new(body, &mesh.positions, edge, run[0]..run[1])).collect();
+    let positions = smoothed(&parts, mesh.topology(), &mesh.positions);
+    mesh.with_positions(raised(&parts, &positions, edge, relief))
 }
 
 /// The cut whose number of vertices is nearest to the wanted one among a few tried.
@@ -90,37 +95,45 @@ fn fitting_cut(body: &Body, area: f64, vertices: f64, shift: DVec3) -> Result<Cu
 }
 
 /// Moves vertices along the surface towards the middle of their neighbours, and onto it.
-fn smoothed(body: &Body, topology: &Topology, mut positions: Vec<DVec3>, edge: f64) -> Vec<DVec3> {
-    positions = moved(body, &positions, edge, |part, v| part.projected(positions[v], 3));
+fn smoothed(parts: &[Part], topology: &Topology, positions: &[DVec3]) -> Vec<DVec3> {
+    let mut positions = moved(parts, |part, v| part.projected(positions[v], 1));
     for _ in 0..SMOOTHING_ROUNDS {
-        positions = moved(body, &positions, edge, |part, v| {
+        positions = moved(parts, |part, v| {
             let ring = topology.neighbours(v);
             let middle = ring.iter().map(|&w| positions[w as usize]).sum::<DVec3>() / ring.len() as f64;
             // The projection takes back the part of the move that leaves the surface.
             part.projected(positions[v].lerp(middle, 0.7), 1)
         });
     }
-    moved(body, &positions, edge, |part, v| part.projected(positions[v], 2))
+    moved(parts, |part, v| part.projected(positions[v], 2))
 }
 
 /// Every point moved along the normal by the relief there.
-fn raised(body: &Body, positions: &[DVec3], edge: f64, relief: &Relief) -> Vec<DVec3> {
-    moved(body, positions, edge, |part, v| {
+fn raised(parts: &[Part], positions: &[DVec3], edge: f64, relief: &Relief) -> Vec<DVec3> {
+    moved(parts, |part, v| {
         let p = positions[v];
         let sample = part.at(p).sample(p);
         p + relief(p, &sample, edge) * sample.gradient.normalize_or_zero()
     })
 }
 
-/// A body and its part near a ball.
+/// A run of vertices near each other, and the part of the body near them.
 struct Part<'a> {
+    vertices: Range<usize>,
     whole: &'a Body,
     part: Body,
     centre: DVec3,
     radius: f64,
 }
 
-impl Part<'_> {
+impl<'a> Part<'a> {
+    /// The part within a few edges of the vertices of a run.
+    fn new(body: &'a Body, positions: &[DVec3], edge: f64, vertices: Range<usize>) -> Self {
+        let bounds = Bounds::of(&positions[vertices.clone()]);
+        let (centre, radius) = (bounds.centre(), 0.5 * bounds.diagonal() + 2.0 * edge);
+        Self { vertices, whole: body, part: body.near(centre, radius), centre, radius }
+    }
+
     /// What to ask about `p`: equal to the whole body to the bit, and faster in the ball.
     fn at(&self, p: DVec3) -> &Body {
         if p.distance(self.centre) <= self.radius { &self.part } else { self.whole }
@@ -131,18 +144,9 @@ impl Part<'_> {
     }
 }
 
-/// The positions that `step` gives each vertex, in parallel over groups of vertices near in number and in space.
-fn moved(body: &Body, positions: &[DVec3], edge: f64, step: impl Fn(&Part, usize) -> DVec3 + Sync) -> Vec<DVec3> {
-    let starts = compact_runs(positions, RUN_SIZE * edge);
-    starts
-        .par_windows(2)
-        .flat_map_iter(|run| {
-            let bounds = Bounds::of(&positions[run[0]..run[1]]);
-            let (centre, radius) = (bounds.centre(), 0.5 * bounds.diagonal() + 2.0 * edge);
-            let part = Part { whole: body, part: body.near(centre, radius), centre, radius };
-            (run[0]..run[1]).map(|v| step(&part, v)).collect::<Vec<_>>()
-        })
-        .collect()
+/// The positions that `step` gives each vertex, the parts worked on in parallel.
+fn moved(parts: &[Part], step: impl Fn(&Part, usize) -> DVec3 + Sync) -> Vec<DVec3> {
+    parts.par_iter().flat_map_iter(|part| part.vertices.clone().map(|v| step(part, v)).collect::<Vec<_>>()).collect()
 }
 
 /// Borders of runs of points whose boxes have diagonals of at most `size`.
