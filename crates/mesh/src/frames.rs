@@ -66,3 +66,89 @@ fn ring_frame(topology: &Topology, rest: &[DVec3], pose: &[DVec3], fit: FrameFit
         FrameFit::Similarity => rotation * best_scale(rotation, covariance, square),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::{Similarity, TriMesh, shapes};
+
+    fn fitted(mesh: &TriMesh, pose: &[DVec3], fit: FrameFit) -> Vec<DMat3> {
+        let mut frames = Frames::default();
+        frames.fit(mesh.topology(), &mesh.positions, pose, fit);
+        frames.matrices
+    }
+
+    fn shapes() -> Vec<TriMesh> {
+        let plane = shapes::bumpy_plane(9, 7, 1.0, 1.0, 0.0, 1).expect("valid size");
+        let bar = shapes::bar(5, 2, 2, DVec3::new(3.0, 1.0, 1.0)).expect("valid size");
+        vec![shapes::icosphere(2), plane, bar, shapes::cactus(600).expect("in range")]
+    }
+
+    fn distance(a: DMat3, b: DMat3) -> f64 {
+        (0..3).map(|c| (a.col(c) - b.col(c)).length()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn frames_at_rest_are_the_identity_to_the_bit() {
+        for mesh in shapes() {
+            for fit in [FrameFit::Rotation, FrameFit::Similarity] {
+                assert!(fitted(&mesh, &mesh.positions, fit).iter().all(|m| *m == DMat3::IDENTITY));
+            }
+        }
+    }
+
+    /// Flat rings too: the turn of a plane is fixed by two directions. Any angle, half turns included.
+    #[test]
+    fn rigid_motions_and_similarities_are_reproduced() {
+        for mesh in shapes() {
+            for (angle, scale) in [(0.3, 1.0), (2.9, 1.0), (std::f64::consts::PI, 1.0), (1.2, 0.01), (2.0, 40.0)] {
+                let rotation = DQuat::from_axis_angle(DVec3::new(1.0, -2.0, 0.7).normalize(), angle);
+                let map = Similarity { rotation, scale, translation: DVec3::new(0.3, 5.0, -1.0) };
+                let pose: Vec<DVec3> = mesh.positions.iter().map(|p| map.apply(*p)).collect();
+                for matrix in fitted(&mesh, &pose, FrameFit::Rotation) {
+                    assert!(distance(matrix, DMat3::from_quat(rotation)) < 1e-10, "angle {angle}, scale {scale}");
+                }
+                for matrix in fitted(&mesh, &pose, FrameFit::Similarity) {
+                    assert!(distance(matrix, map.linear()) < 1e-10 * scale.max(1.0), "angle {angle}, scale {scale}");
+                }
+            }
+        }
+    }
+
+    /// Frames are proper rotations whatever happens to the ring, also when it collapses or turns inside out.
+    #[test]
+    fn frames_of_any_pose_are_proper_rotations() {
+        let mesh = shapes::icosphere(2);
+        let flat: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(p.x, p.y, 0.0)).collect();
+        let mirrored: Vec<DVec3> = mesh.positions.iter().map(|p| -*p).collect();
+        let point = vec![DVec3::ONE; mesh.vertex_count()];
+        for pose in [flat, mirrored, point] {
+            for m in fitted(&mesh, &pose, FrameFit::Rotation) {
+                assert!(distance(m * m.transpose(), DMat3::IDENTITY) < 1e-12);
+                assert!((m.determinant() - 1.0).abs() < 1e-12);
+            }
+        }
+    }
+
+    /// A vertex without neighbours has the identity, and frames are the same bits for any number of threads.
+    #[test]
+    fn lone_vertices_and_threads() {
+        let mut positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE];
+        let mesh = TriMesh::new(positions.clone(), vec![[0, 1, 2]]).expect("one face");
+        positions[1] *= 2.0;
+        positions[3] *= 2.0;
+        assert_eq!(fitted(&mesh, &positions, FrameFit::Similarity)[3], DMat3::IDENTITY);
+
+        let mesh = shapes::icosphere(4);
+        let pose: Vec<DVec3> =
+            mesh.positions.iter().map(|p| *p + 0.3 * DVec3::new(p.y.sin(), p.z, p.x * p.y)).collect();
+        let bits = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of threads");
+            let matrices = pool.install(|| fitted(&mesh, &pose, FrameFit::Similarity));
+            matrices.iter().flat_map(|m| m.to_cols_array().map(f64::to_bits)).collect::<Vec<_>>()
+        };
+        assert!(bits(1) == bits(2) && bits(2) == bits(4));
+    }
+}

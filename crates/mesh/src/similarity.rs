@@ -78,3 +78,82 @@ impl Motion {
         Similarity { translation: turned.translation + self.translation * t, ..turned }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_2, TAU};
+
+    use super::*;
+
+    fn motion() -> Motion {
+        Motion {
+            pivot: DVec3::new(1.0, -2.0, 0.5),
+            axis: DVec3::new(0.3, 2.0, -1.0),
+            angle: 1.9,
+            scale: 2.5,
+            translation: DVec3::new(0.4, 0.1, -3.0),
+        }
+    }
+
+    fn some_points() -> impl Iterator<Item = DVec3> {
+        (0..50).map(f64::from).map(|t| DVec3::new((0.37 * t).sin(), (0.91 * t).cos(), (1.7 * t).sin()) * 3.0)
+    }
+
+    #[test]
+    fn the_identity_moves_nothing() {
+        assert!(some_points().all(|p| Similarity::IDENTITY.apply(p) == p));
+        assert_eq!(Similarity::default(), Similarity::IDENTITY);
+        assert!(Similarity::IDENTITY.is_valid());
+    }
+
+    /// A quarter turn to the left about a vertical axis takes x to -z (right-hand rule).
+    #[test]
+    fn turns_follow_the_right_hand_rule_and_keep_the_pivot() {
+        let pivot = DVec3::new(2.0, 3.0, 4.0);
+        let turn = Similarity::about(pivot, DVec3::Y * 7.0, FRAC_PI_2, 3.0);
+        assert!(turn.apply(pivot).distance(pivot) < 1e-14);
+        assert!(turn.apply(pivot + DVec3::X).distance(pivot - 3.0 * DVec3::Z) < 1e-14);
+        assert_eq!(Similarity::about(pivot, DVec3::ZERO, 1.0, 1.0).rotation, DQuat::IDENTITY);
+    }
+
+    /// Distances scale by the scale, angles stay, and the linear part is that of the map.
+    #[test]
+    fn similarities_scale_every_distance_alike() {
+        let map = motion().at(1.0);
+        assert!(map.is_valid());
+        for (p, q) in some_points().zip(some_points().skip(7)) {
+            assert!((map.apply(p).distance(map.apply(q)) - 2.5 * p.distance(q)).abs() < 1e-13);
+            assert!((map.linear() * (p - q)).distance(map.apply(p) - map.apply(q)) < 1e-13);
+        }
+        assert!((map.linear().determinant() - 2.5_f64.powi(3)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_motion_starts_with_nothing_and_ends_with_all() {
+        let start = motion().at(0.0);
+        assert!(some_points().all(|p| start.apply(p).distance(p) < 1e-14));
+        let end = motion().at(1.0);
+        assert!(end.apply(motion().pivot).distance(motion().pivot + motion().translation) < 1e-14);
+    }
+
+    /// Without translation, motions about one pivot are a one-parameter group: equal steps add up.
+    #[test]
+    fn equal_steps_are_equal_motions() {
+        let motion = Motion { translation: DVec3::ZERO, angle: 3.0 * TAU, ..motion() };
+        for (s, t) in [(0.25, 0.5), (0.1, 0.9), (0.7, 0.7)] {
+            for p in some_points() {
+                let twice = motion.at(s).apply(motion.at(t).apply(p));
+                assert!(twice.distance(motion.at(s + t).apply(p)) < 1e-12 * (1.0 + twice.length()));
+            }
+        }
+    }
+
+    #[test]
+    fn broken_similarities_are_told() {
+        let good = Similarity::IDENTITY;
+        assert!(!Similarity { scale: 0.0, ..good }.is_valid());
+        assert!(!Similarity { scale: f64::INFINITY, ..good }.is_valid());
+        assert!(!Similarity { translation: DVec3::NAN, ..good }.is_valid());
+        assert!(!Similarity { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0), ..good }.is_valid());
+    }
+}

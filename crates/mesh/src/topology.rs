@@ -150,22 +150,37 @@ impl Topology {
         }
         next.sort_unstable();
         let mut used = vec![false; next.len()];
+        // Where each vertex stands in the path being followed.
+        const NOWHERE: usize = usize::MAX;
+        let mut place = vec![NOWHERE; self.vertex_count];
         let mut loops = Vec::new();
         for start in 0..next.len() {
-            let mut ring = Vec::new();
-            let mut at = start;
-            while !used[at] {
-                used[at] = true;
-                ring.push(next[at][0]);
-                let head = next[at][1];
-                let first = next.partition_point(|h| h[0] < head);
-                match (first..next.len()).take_while(|&h| next[h][0] == head).find(|&h| !used[h]) {
-                    Some(h) => at = h,
-                    None => break,
+            let mut path: Vec<u32> = Vec::new();
+            let mut at = Some(start).filter(|&h| !used[h]);
+            while let Some(h) = at {
+                used[h] = true;
+                let [tail, head] = next[h];
+                place[tail as usize] = path.len();
+                path.push(tail);
+                if place[head as usize] != NOWHERE {
+                    // Back at a vertex of the path: what lies between is a loop, even where another one touches it.
+                    let closed = path.split_off(place[head as usize]);
+                    for &v in &closed {
+                        place[v as usize] = NOWHERE;
+                    }
+                    loops.push(closed);
+                    if path.is_empty() {
+                        break;
+                    }
                 }
+                let first = next.partition_point(|h| h[0] < head);
+                at = (first..next.len()).take_while(|&h| next[h][0] == head).find(|&h| !used[h]);
             }
-            if !ring.is_empty() {
-                loops.push(ring);
+            if !path.is_empty() {
+                for &v in &path {
+                    place[v as usize] = NOWHERE;
+                }
+                loops.push(path);
             }
         }
         loops
@@ -377,3 +392,6 @@ fn neighbours(vertex_count: usize, edges: &[[u32; 2]]) -> (Csr, Vec<u32>) {
     }
     (csr, edge_of)
 }
+
+#[cfg(test)]
+mod tests;

@@ -27,7 +27,7 @@ pub(super) fn noise(p: DVec3) -> f64 {
     let t = p - floor;
     let t = t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
     let lerp = |a: f64, b: f64, t: f64| a + t * (b - a);
-    let at = |x, y, z| 2.0 * random(cell + IVec3::new(x, y, z), 0) - 1.0;
+    let at = |x, y, z| 2.0 * random(cell + IVec3::new(x, y, z)).x - 1.0;
     let row = |y, z| lerp(at(0, y, z), at(1, y, z), t.x);
     let sheet = |z| lerp(row(0, z), row(1, z), t.y);
     lerp(sheet(0), sheet(1), t.z)
@@ -47,7 +47,7 @@ pub(super) fn scales(p: DVec3) -> f64 {
         let k = k as i32;
         let c = cell + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
         // Points stay away from the sides of their cubes, so that the 27 cubes hold all that matter.
-        let jitter = DVec3::new(random(c, 1), random(c, 2), random(c, 3));
+        let jitter = random(c);
         *point = c.as_dvec3() + DVec3::splat(0.2) + 0.6 * jitter;
         let square = p.distance_squared(*point);
         if square < nearest.0 {
@@ -61,17 +61,17 @@ pub(super) fn scales(p: DVec3) -> f64 {
     rise(0.0, SLOPE, to_wall.fold(f64::INFINITY, f64::min))
 }
 
-/// A number from 0 to 1 for each cell and channel, without pattern (the finaliser of SplitMix64).
-fn random(cell: IVec3, channel: u64) -> f64 {
-    let word = |x: i32| u64::from(x as u32);
-    let mut h = channel.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+/// Three numbers from 0 to 1 for each cell, without pattern (the finaliser of SplitMix64).
+fn random(cell: IVec3) -> DVec3 {
+    let mut h = 0_u64;
     for x in cell.to_array() {
-        h = (h ^ word(x)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        h = (h ^ u64::from(x as u32)).wrapping_add(0x9e37_79b9_7f4a_7c15);
         h = (h ^ (h >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         h = (h ^ (h >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         h ^= h >> 31;
     }
-    (h >> 11) as f64 / (1_u64 << 53) as f64
+    let part = |shift: u32| ((h >> shift) & 0x1f_ffff) as f64 / f64::from(1 << 21);
+    DVec3::new(part(0), part(21), part(42))
 }
 
 #[cfg(test)]
