@@ -20,8 +20,6 @@ use pliant_mesh::{TriMesh, face_area_vector, vertex_normals};
 pub(super) struct Guard {
     /// Least cosine between a face's normal before and after.
     pub(super) min_cosine: f64,
-    /// Least `4 sqrt(3) area / (sum of squared sides)` (1 for equilateral), unless the face was worse before.
-    pub(super) min_quality: f64,
     /// Whether a face must look to the same side as the original surface at its corners.
     pub(super) faces_outward: bool,
 }
@@ -93,9 +91,11 @@ impl Working {
         }
     }
 
-    /// Whether collapsing `u` into its neighbour `v` keeps the surface what it is.
-    pub(super) fn may_collapse(&mut self, u: u32, v: u32, guard: Guard) -> bool {
-        !self.locked[u as usize] && self.keeps_topology(u, v) && self.keeps_shape(u, v, guard)
+    /// Whether collapsing `u` into its neighbour `v` keeps the surface what it is; if so, the quality of the worst face
+    /// that it makes worse, 1 if there is none.
+    pub(super) fn may_collapse(&mut self, u: u32, v: u32, guard: Guard) -> Option<f64> {
+        let allowed = !self.locked[u as usize] && self.keeps_topology(u, v);
+        if allowed { self.worst_face(u, v, guard) } else { None }
     }
 
     /// The link condition (Dey et al. 1999): vertices next to both ends are exactly those opposite to their edge.
@@ -157,29 +157,33 @@ impl Working {
         common
     }
 
-    /// No face turns over, away from the original surface, or into a needle.
-    fn keeps_shape(&self, u: u32, v: u32, guard: Guard) -> bool {
+    /// Quality of the worst face made worse; `None` if a face turns over, away from the original surface, or into a line.
+    fn worst_face(&self, u: u32, v: u32, guard: Guard) -> Option<f64> {
         let to = self.positions[v as usize];
-        self.lists.row(u).iter().all(|&f| {
+        let mut worst = 1.0_f64;
+        for &f in self.lists.row(u) {
             let t = self.faces[f as usize];
             if t.contains(&v) {
-                return true;
+                continue;
             }
             let before = t.map(|w| self.positions[w as usize]);
             let moved = t.map(|w| if w == u { v } else { w });
             let after = t.map(|w| if w == u { to } else { self.positions[w as usize] });
             let (old, new) = (face_area_vector(before), face_area_vector(after));
-            let quality = quality(after, new);
-            if !(quality > 1e-6 && (quality >= guard.min_quality || quality >= self::quality(before, old))) {
-                return false;
-            }
-            // A face without area has no side to keep.
-            if old.dot(new) < guard.min_cosine * old.length() * new.length() {
-                return false;
-            }
             let outward: DVec3 = moved.iter().map(|&w| self.normals[w as usize]).sum();
-            !guard.faces_outward || outward.dot(new) >= 0.0
-        })
+            let quality = quality(after, new);
+            // A face without area has no side to keep.
+            if quality < MIN_QUALITY
+                || old.dot(new) < guard.min_cosine * old.length() * new.length()
+                || (guard.faces_outward && outward.dot(new) < 0.0)
+            {
+                return None;
+            }
+            if quality < self::quality(before, old) {
+                worst = worst.min(quality);
+            }
+        }
+        Some(worst)
     }
 
     /// Carries the collapse out. Call only where [`Self::may_collapse`].
@@ -203,6 +207,9 @@ impl Working {
         outward.dot(face_area_vector(face.map(|w| self.positions[w as usize]))) < 0.0
     }
 }
+
+/// Faces below this quality count as degenerate: none is made.
+const MIN_QUALITY: f64 = 1e-3;
 
 /// `4 sqrt(3) area / (sum of squared sides)`: 1 for an equilateral triangle, 0 for a flat one.
 fn quality([a, b, c]: [DVec3; 3], area: DVec3) -> f64 {

@@ -106,13 +106,17 @@ impl SimplifyReport {
 /// it prefers short edges and even triangles.
 const POINT_WEIGHT: f64 = 1e-6;
 
-/// Collapses allowed, in order of strictness. The first keeps faces from turning by more than
-/// about 78 degrees at a time, from looking inward and from becoming needles; the others are for the smallest cages alone.
+/// Collapses allowed, in order of strictness. The first keeps faces from turning by more than about 78 degrees at a time and
+/// from looking inward; the others are for the smallest cages alone.
 const GUARDS: [Guard; 3] = [
-    Guard { min_cosine: 0.2, min_quality: 0.1, faces_outward: true },
-    Guard { min_cosine: 0.0, min_quality: 1e-3, faces_outward: false },
-    Guard { min_cosine: -1.0, min_quality: 1e-4, faces_outward: false },
+    Guard { min_cosine: 0.2, faces_outward: true },
+    Guard { min_cosine: 0.0, faces_outward: false },
+    Guard { min_cosine: -1.1, faces_outward: false },
 ];
+
+/// Quality of a face (1 if equilateral) below which a collapse that makes it costs more, by the square of the ratio. Needles
+/// are put off rather than forbidden: some scans consist of them.
+const GOOD_QUALITY: f64 = 0.2;
 
 /// Builds a control mesh of `shape` by collapsing its vertices into neighbours, cheapest first.
 ///
@@ -207,8 +211,8 @@ impl Simplifier {
                 self.requeue(v);
             }
             while self.count > target {
-                let Some((u, cost)) = self.queue.pop() else { break };
-                self.step(u, cost, *guard);
+                let Some(u) = self.queue.pop() else { break };
+                self.step(u, *guard);
                 let done = total - (self.count - target);
                 if done.is_multiple_of((total / 100).max(1)) {
                     progress.advance(done, total);
@@ -219,24 +223,35 @@ impl Simplifier {
     }
 
     /// Collapses `u` into its cheapest legal neighbour if nothing cheaper waits; puts it back at its true cost otherwise.
-    fn step(&mut self, u: u32, cost: f64, guard: Guard) {
+    fn step(&mut self, u: u32, guard: Guard) {
         self.find_candidates(u);
         self.candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut best = (f64::INFINITY, u, 0.0);
         for i in 0..self.candidates.len() {
-            let (candidate_cost, v) = self.candidates[i];
-            let distance = self.distance(u, v, candidate_cost);
-            if distance > self.max_error || !self.working.may_collapse(u, v, guard) {
+            let (cost, v) = self.candidates[i];
+            if cost >= best.0 {
+                break;
+            }
+            let distance = self.distance(u, v, cost);
+            if distance > self.max_error {
                 continue;
             }
-            if candidate_cost > cost && candidate_cost > self.queue.least() {
-                self.queue.set(u, candidate_cost);
-            } else {
-                self.error = self.error.max(distance);
-                self.collapse(u, v);
+            if let Some(quality) = self.working.may_collapse(u, v, guard) {
+                let cost = cost * (GOOD_QUALITY / quality).max(1.0).powi(2);
+                if cost < best.0 {
+                    best = (cost, v, distance);
+                }
             }
-            return;
         }
-        // No legal neighbour: it waits outside until its ring changes.
+        let (cost, v, distance) = best;
+        if v == u {
+            // No legal neighbour: it waits outside until its ring changes.
+        } else if cost > self.queue.least() {
+            self.queue.set(u, cost);
+        } else {
+            self.error = self.error.max(distance);
+            self.collapse(u, v);
+        }
     }
 
     fn collapse(&mut self, u: u32, v: u32) {

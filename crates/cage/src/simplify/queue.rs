@@ -51,10 +51,10 @@ impl Queue {
     }
 
     /// The vertex of least cost, taken out.
-    pub(super) fn pop(&mut self) -> Option<(u32, f64)> {
+    pub(super) fn pop(&mut self) -> Option<u32> {
         let &vertex = self.heap.first()?;
         self.remove(vertex);
-        Some((vertex, self.cost[vertex as usize]))
+        Some(vertex)
     }
 
     /// The least cost.
@@ -129,7 +129,7 @@ mod tests {
         let mut order: Vec<(f64, u32)> =
             expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (c, v as u32))).collect();
         order.sort_by(|a, b| a.partial_cmp(b).expect("no NaN"));
-        let popped: Vec<(f64, u32)> = std::iter::from_fn(|| queue.pop().map(|(v, c)| (c, v))).collect();
+        let popped: Vec<(f64, u32)> = std::iter::from_fn(|| Some((queue.least(), queue.pop()?))).collect();
         assert_eq!(popped, order);
         assert_eq!(queue.least(), f64::INFINITY);
     }
