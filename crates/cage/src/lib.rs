@@ -1,1 +1,23 @@
-//! cage
+//! Control meshes: made by simplification, bound by mean value coordinates, propagated to the shape.
+//!
+//! The shape is the full-resolution mesh; the cage, or control mesh, is what a solver moves. [`simplify`] makes the
+//! cage, [`Binding`] ties the shape to it once at rest, and a [`Propagator`] carries every later pose of the cage over.
+//!
+//! This crate knows no solver, no file format and no handle.
+
+mod binding;
+mod error;
+mod mean_value;
+mod propagate;
+mod prune;
+mod report;
+mod rows;
+mod simplify;
+
+pub use binding::{BindOptions, Binding};
+pub use error::CageError;
+pub use mean_value::MeanValue;
+pub use propagate::{Propagation, Propagator};
+pub use prune::Prune;
+pub use report::{BindReport, UNSAFE_MAGNITUDE};
+pub use simplify::{CageSize, Simplified, SimplifyOptions, SimplifyReport, simplify};

@@ -1,1 +1,41 @@
-//! linalg
+//! Sparse symmetric positive definite systems in f64, for three right-hand sides at a time.
+//!
+//! A system has three lifetimes, and each is paid for only when its inputs change:
+//!
+//! 1. the *pattern* (which unknowns are coupled): [`SpdPattern`], an ordering and a symbolic factor;
+//! 2. the *values*: [`Cholesky::new`], then [`Cholesky::refactor`] in the same memory;
+//! 3. the *right-hand sides*: [`Cholesky::solve_in_place`], which allocates nothing.
+//!
+//! [`Partition`] takes known unknowns out of a system: it cuts a full matrix, given as [`Triplet`]s, into the block of
+//! the free unknowns and their coupling to the fixed ones.
+//!
+//! This crate knows numbers only: no mesh, no vertex. faer is used here and nowhere else.
+
+mod cholesky;
+mod error;
+mod partition;
+
+pub use cholesky::{Cholesky, SpdPattern};
+pub use error::LinalgError;
+pub use partition::{Coupling, Partition};
+
+/// One entry of a symmetric matrix.
+///
+/// An entry off the diagonal stands for both `(row, col)` and `(col, row)` and is given once, in either triangle.
+/// Entries at the same place are added up in the order given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Triplet {
+    /// Row, from 0.
+    pub row: u32,
+    /// Column, from 0.
+    pub col: u32,
+    /// What is added there.
+    pub value: f64,
+}
+
+impl Triplet {
+    /// The entry `value` at `(row, col)`.
+    pub fn new(row: u32, col: u32, value: f64) -> Self {
+        Self { row, col, value }
+    }
+}

@@ -1,6 +1,6 @@
 use crate::{Topology, TriMesh};
 
-/// Cotangent weights are kept above this share of their mean.
+/// Cotangent weights are kept above this share of their median.
 ///
 /// On a simplified mesh obtuse triangles make some weights negative and the matrix indefinite; clamped weights keep
 /// every energy bounded below.
@@ -23,8 +23,8 @@ impl EdgeWeights {
 
     /// Cotangent weights, `(cot a + cot b) / 2` with the angles opposite to the edge (Pinkall and Polthier 1993).
     ///
-    /// Weights below [`MIN_RELATIVE_COTANGENT`] times the mean (negative ones taken as 0, those above ten times the mean
-    /// left out) are raised to it and counted. A face without area adds nothing. Weights do not change when the mesh is scaled.
+    /// Weights below [`MIN_RELATIVE_COTANGENT`] times their median are raised to it and counted. A face
+    /// without area adds nothing. Weights do not change when the mesh is scaled.
     pub fn cotangent(mesh: &TriMesh) -> Self {
         let topology = mesh.topology();
         let mut values = vec![0.0; topology.edges().len()];
@@ -38,10 +38,7 @@ impl EdgeWeights {
                 }
             }
         }
-        // A needle has cotangents up to 1e16, which would raise the mean and with it every other weight: left out.
-        let mean = mean_up_to(&values, f64::INFINITY);
-        let typical = mean_up_to(&values, 10.0 * mean);
-        let smallest = if typical > 0.0 { MIN_RELATIVE_COTANGENT * typical } else { 1.0 };
+        let smallest = MIN_RELATIVE_COTANGENT * typical(&values);
         let mut clamped = 0;
         for w in &mut values {
             if *w < smallest {
@@ -53,12 +50,15 @@ impl EdgeWeights {
     }
 }
 
-/// The mean of the weights not above `most`, negative ones taken as 0; 0 if there are none.
-///
-/// Zeros count: whether a weight of about 0 rounds to more or less must not change the mean.
-fn mean_up_to(values: &[f64], most: f64) -> f64 {
-    let (sum, count) = values.iter().filter(|w| **w <= most).fold((0.0, 0_usize), |(s, n), w| (s + w.max(0.0), n + 1));
-    sum / count.max(1) as f64
+/// The median of the weights, which changes continuously with them (many are 0 but for rounding where right angles are
+/// common) and which a few needles with cotangents up to 1e16 do not raise; the mean of the positive parts should the
+/// median not be positive, and 1 should there be none.
+fn typical(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    let middle = sorted.len() / 2;
+    let median = if sorted.is_empty() { 0.0 } else { *sorted.select_nth_unstable_by(middle, f64::total_cmp).1 };
+    let mean = values.iter().map(|w| w.max(0.0)).sum::<f64>() / values.len().max(1) as f64;
+    [median, mean].into_iter().find(|t| *t > 0.0).unwrap_or(1.0)
 }
 
 #[cfg(test)]
@@ -141,9 +141,9 @@ mod tests {
         let grid = shapes::plane_grid(4, 4, 1.0, 1.0).expect("valid size");
         let weights = EdgeWeights::cotangent(&grid);
         assert_eq!(weights.clamped, 16);
-        // 24 inner edges of weight 1, 16 border edges of weight 1/2, 16 diagonals of weight 0.
+        // 24 inner edges of weight 1, 16 border edges of weight 1/2, 16 diagonals of weight 0 to rounding: the median is 1/2.
         let smallest = weights.values.iter().copied().fold(f64::INFINITY, f64::min);
-        assert!((smallest / (MIN_RELATIVE_COTANGENT * 32.0 / 56.0) - 1.0).abs() < 1e-12, "{smallest}");
+        assert!((smallest / (MIN_RELATIVE_COTANGENT * 0.5) - 1.0).abs() < 1e-12, "{smallest}");
         assert!(weights.values.iter().all(|w| w.is_finite() && *w > 0.0));
     }
 

@@ -1,1 +1,33 @@
-//! pliant
+#![doc = include_str!("../../../README.md")]
+
+pub use pliant_cage::{
+    BindOptions, BindReport, Binding, CageError, CageSize, MeanValue, Propagation, Propagator, Prune, Simplified,
+    SimplifyOptions, SimplifyReport, UNSAFE_MAGNITUDE, simplify,
+};
+pub use pliant_deform::{
+    ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle, HandleFault, Method,
+    PrepareReport, Region, Role, SolveReport,
+};
+pub use pliant_io::picture::{
+    Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,
+    write_png,
+};
+pub use pliant_io::{
+    Asset, Format, IoError, ReadReport, can_write, can_write_mesh, read, read_bytes, write, write_atomic, write_bytes,
+};
+pub use pliant_linalg as linalg;
+pub use pliant_mesh::metrics::{
+    EdgeErrors, SurfaceDistance, distances_to_surface, edge_errors, largest_free_stretch, surface_distance,
+};
+pub use pliant_mesh::shapes::creature;
+pub use pliant_mesh::{
+    Bounds, CleanReport, Cleaned, EdgeWeights, FrameFit, Frames, MeshError, Motion, Progress, Silent, Similarity,
+    Topology, TriMesh, VertexSet, best_rotation, clean_soup, select, shapes, vertex_normals,
+};
+pub use pliant_study::{
+    Bound, Caged, Detail, Dragged, Iterations, ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError,
+    Schedule, Stages, Study, StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, count, paper_sizes, sweep, timed,
+};
+
+/// The vector types of positions and transforms.
+pub use glam;

@@ -1,1 +1,20 @@
-//! study
+//! Scenes, sweeps and reports: the same edit at many cage sizes, and tables of what it cost and how far it was off.
+//!
+//! [`Study`] takes a shape and a scene through cage, binding, drag and propagation; [`sweep()`] does it for many settings;
+//! [`SweepReport`] tells of it. This crate judges results; it knows neither how a cage is made nor how a method solves.
+
+mod error;
+pub mod paper;
+mod pipeline;
+pub mod report;
+pub mod scene;
+mod stages;
+mod sweep;
+
+pub use error::StudyError;
+pub use paper::{PaperSizes, PublishedRow, paper_sizes};
+pub use pipeline::{Bound, CONVERGED, Caged, Dragged, Iterations, Schedule, Study, SweepSize, count};
+pub use report::{Detail, ModelInfo, ReportError, SweepReport, SweepRow};
+pub use scene::{ResolvedHandle, ResolvedScene, Scene, SceneError};
+pub use stages::{Stages, timed};
+pub use sweep::{PAPER_SCENE, SweepPlan, sweep};

@@ -14,8 +14,8 @@ pub struct SurfaceDistance {
     pub max: f64,
 }
 
-/// A face as the tree of boxes sees it.
-struct Face([DVec3; 3]);
+/// A face as the tree of boxes sees it: corners and number.
+struct Face([DVec3; 3], u32);
 
 impl RTreeObject for Face {
     type Envelope = AABB<[f64; 3]>;
@@ -33,16 +33,30 @@ impl PointDistance for Face {
     }
 }
 
+/// Faces of a mesh, to be asked for the one nearest to a point.
+pub struct FaceTree(RTree<Face>);
+
+impl FaceTree {
+    /// A tree of the faces of `triangles`, whose corners are `positions`; `O(n log n)`.
+    ///
+    /// # Panics
+    /// If a face names a vertex that has no position.
+    pub fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+        let corners = |t: &[u32; 3]| t.map(|v| positions[v as usize]);
+        Self(RTree::bulk_load(triangles.iter().enumerate().map(|(f, t)| Face(corners(t), f as u32)).collect()))
+    }
+
+    /// The nearest face and its distance; one of them where several are equally near, `None` without faces. `O(log n)`.
+    pub fn nearest(&self, point: DVec3) -> Option<(u32, f64)> {
+        let (face, square) = self.0.nearest_neighbor_iter_with_distance_2(point.to_array()).next()?;
+        Some((face.1, square.sqrt()))
+    }
+}
+
 /// Distance of each point to the nearest face of `surface`; infinite if it has no face. Parallel, `O(log faces)` a point.
 pub fn distances_to_surface(points: &[DVec3], surface: &TriMesh) -> Vec<f64> {
-    let faces = (0..surface.face_count()).map(|f| Face(surface.corners(f))).collect();
-    let tree = RTree::bulk_load(faces);
-    points
-        .par_iter()
-        .map(|p| {
-            tree.nearest_neighbor_iter_with_distance_2(p.to_array()).next().map_or(f64::INFINITY, |(_, d2)| d2.sqrt())
-        })
-        .collect()
+    let tree = FaceTree::new(&surface.positions, surface.triangles());
+    points.par_iter().map(|p| tree.nearest(*p).map_or(f64::INFINITY, |(_, distance)| distance)).collect()
 }
 
 /// Root mean square and largest distance of the points to `surface`; 0 without points.
@@ -56,7 +70,7 @@ pub fn surface_distance(points: &[DVec3], surface: &TriMesh) -> SurfaceDistance 
 }
 
 /// The point of a triangle nearest to `p` (Ericson, Real-Time Collision Detection, 5.1.5: by Voronoi region of the plane).
-pub(crate) fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
+pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {
@@ -84,8 +98,10 @@ pub(crate) fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
         return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
     }
-    let total = va + vb + vc;
-    a + ab * (vb / total) + ac * (vc / total)
+    // Over the inside: straight down. Weights of the corners would be as far off as the triangle is narrow.
+    let normal = ab.cross(ac);
+    let square = normal.length_squared();
+    if square > 0.0 { p - normal * (normal.dot(ap) / square) } else { a }
 }
 
 #[cfg(test)]

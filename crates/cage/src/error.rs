@@ -1,0 +1,34 @@
+use pliant_mesh::MeshError;
+use thiserror::Error;
+
+/// Why a control mesh or a binding could not be made.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum CageError {
+    /// There is no surface to simplify or to bind to.
+    #[error("the mesh has no faces")]
+    NoFaces,
+    /// An option is out of its range.
+    #[error("{what} cannot be {found}")]
+    BadOption {
+        /// The option and its range.
+        what: &'static str,
+        /// The value given.
+        found: String,
+    },
+    /// A prune rule could not be read.
+    #[error("`{found}` is not a prune rule: use magnitude:SHARE, local:NEIGHBOURS, smooth:NEIGHBOURS or none")]
+    BadPrune {
+        /// What was given.
+        found: String,
+    },
+    /// The rows would need more entries than 32-bit offsets can number.
+    #[error("the binding would keep {entries} weights, more than 32-bit offsets can number")]
+    TooManyEntries {
+        /// How many.
+        entries: usize,
+    },
+    /// A mesh is broken.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+}

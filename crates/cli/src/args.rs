@@ -1,0 +1,216 @@
+//! What can be typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use pliant::{ArapEnergy, ArapOptions, EdgeWeightKind, Iterations, Method, Propagation, Prune, SweepSize};
+
+const LEARN_MORE: &str = "\
+Start with `pliant demo`, then try an edit of your own:
+  pliant edit bunny.obj --cage 5% -o out/bunny.glb
+  pliant sweep bunny.obj --sizes 1%,5%,none -o out/bunny
+`pliant COMMAND --help` explains each command with examples.";
+
+/// Edit large triangle meshes through small control meshes.
+///
+/// A quadric-error simplifier makes a control mesh (cage) of the shape, mean value coordinates bind the shape to it, a
+/// solver moves the cage, and the shape follows.
+#[derive(Debug, Parser)]
+#[command(name = "pliant", version, after_help = LEARN_MORE)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Demo(DemoOptions),
+    Info(InfoOptions),
+    Cage(CageOptions),
+    Edit(EditOptions),
+    Sweep(SweepOptions),
+}
+
+/// Make a creature of 100,000 vertices, edit it through a 5 % cage, and write meshes, pictures and a small sweep.
+///
+/// Nothing is read and nothing is downloaded. Every stage is printed with its time; the files are named at the end.
+#[derive(Debug, Args)]
+pub(crate) struct DemoOptions {
+    /// Folder for the results; made if it is not there.
+    #[arg(short, long, value_name = "FOLDER", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// Vertices of the creature, 2,000 to 1,000,000.
+    #[arg(long, value_name = "N", default_value_t = 100_000)]
+    pub(crate) vertices: usize,
+    /// Print one JSON object instead of text (progress still goes to standard error on a terminal).
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Say what a mesh is: sizes, components, holes, places where it is not manifold, and what reading it changed.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  pliant info bunny.obj\n  pliant info creature:10000 --json")]
+pub(crate) struct InfoOptions {
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    pub(crate) model: String,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Make a control mesh of a model and write it.
+///
+/// Its vertices are a subset of the model's. It is manifold wherever the model is, and has the same holes, handles and
+/// components.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  pliant cage dragon.ply --size 5% -o cage.glb\n  pliant cage dragon.ply --size error:0.001 -o cage.obj"
+)]
+pub(crate) struct CageOptions {
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    pub(crate) model: String,
+    /// Size of the cage: vertices (2000), share (5%), or largest estimated distance as a share of the diagonal (error:0.002).
+    #[arg(short, long, default_value = "5%")]
+    pub(crate) size: SweepSize,
+    /// File to write: obj, ply or glb.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Edit a model as a scene says, through a cage, and write the result.
+///
+/// The scene names regions by geometry and where each goes, so one scene fits every resolution of a model.
+/// Without a scene the creature has its own; any other model gets `auto`: the lowest tenth along its longest axis is
+/// held, the highest tenth turned by 30 degrees and moved.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  pliant edit bunny.obj -o bent.glb\n  pliant edit armadillo.obj --scene armadillo-2 --cage 2000 -o edited.obj\n  pliant edit man.off --scene my-scene.json --cage none -o direct.ply"
+)]
+pub(crate) struct EditOptions {
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    pub(crate) model: String,
+    /// A scene file (JSON), or the name of a built-in scene, or auto.
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<String>,
+    /// Size of the cage: vertices (2000), share (5%), distance (error:0.002), or none to deform the model itself.
+    #[arg(long, value_name = "SIZE", default_value = "5%")]
+    pub(crate) cage: SweepSize,
+    /// How the cage's motion is carried to the model: frames or positions.
+    #[arg(long, default_value_t)]
+    pub(crate) propagation: Propagation,
+    /// Which weights are kept: local:NEIGHBOURS, smooth:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03) or none.
+    #[arg(long, default_value_t)]
+    pub(crate) prune: Prune,
+    /// Iterations of the solver in each step: a number, or converged.
+    #[arg(long, value_name = "N", default_value = "converged")]
+    pub(crate) iterations: Iterations,
+    /// Equal steps in which the handles travel to their goals; more steps follow large turns better.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) steps: u32,
+    #[command(flatten)]
+    pub(crate) arap: ArapArguments,
+    /// File to write: obj, ply or glb.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Also draw the edited model to this PNG file.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Edit a model at several cage sizes, and tabulate error and time against size.
+///
+/// Every combination of what is listed becomes a row. Errors are changes of edge lengths: `rms_relative` is
+/// sqrt(mean(((l' - l) / l)^2)), `relative_rms` is sqrt(sum (l' - l)^2 / sum l^2).
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  pliant sweep bunny.obj --sizes 1%,2%,5%,10%,none -o out/bunny\n  pliant sweep armadillo.obj --preset paper -o out/paper\n  pliant sweep creature:20000 --prune magnitude:0.03,local:24 --propagation positions,frames --json"
+)]
+pub(crate) struct SweepOptions {
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    pub(crate) model: String,
+    /// A scene file (JSON), or the name of a built-in scene, or auto.
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<String>,
+    /// A ready set of rows instead of the lists below.
+    #[arg(long, conflicts_with_all = ["sizes", "propagation", "prune", "iterations", "steps"])]
+    pub(crate) preset: Option<Preset>,
+    /// Cage sizes: vertices (2000), shares (5%), distances (error:0.002), or none to deform the model itself.
+    #[arg(long, value_delimiter = ',', default_values = ["1%", "2%", "5%", "10%", "none"])]
+    pub(crate) sizes: Vec<SweepSize>,
+    /// How the cage's motion is carried to the model: frames, positions.
+    #[arg(long, value_delimiter = ',', default_values_t = [Propagation::default()])]
+    pub(crate) propagation: Vec<Propagation>,
+    /// Which weights are kept: local:NEIGHBOURS, smooth:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03), none.
+    #[arg(long, value_delimiter = ',', default_values_t = [Prune::default()])]
+    pub(crate) prune: Vec<Prune>,
+    /// Iterations of the solver in each step: numbers, or converged.
+    #[arg(long, value_delimiter = ',', default_values = ["2"])]
+    pub(crate) iterations: Vec<Iterations>,
+    /// Equal steps in which the handles travel to their goals.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) steps: u32,
+    #[command(flatten)]
+    pub(crate) arap: ArapArguments,
+    /// Write PREFIX.json, PREFIX.csv, PREFIX.md and PREFIX.svg.
+    #[arg(short, long, value_name = "PREFIX")]
+    pub(crate) output: Option<PathBuf>,
+    /// Print the JSON report instead of text.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Preset {
+    /// Table 1 of Hybrid Mesh Editing (Borosan et al. 2010): its cage sizes, both propagations and prune rules, unit
+    /// weights, the scene armadillo-2 dragged in 20 steps of 2 iterations, and converged; published figures beside ours.
+    Paper,
+}
+
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct ArapArguments {
+    /// Edge weights of the as-rigid-as-possible energy.
+    #[arg(long, value_enum)]
+    pub(crate) weights: Option<Weights>,
+    /// Edges in a vertex's cell: those at the vertex (spokes), or those of its faces (spokes-and-rims).
+    #[arg(long, value_enum)]
+    pub(crate) energy: Option<Energy>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Weights {
+    /// Clamped cotangents.
+    Cotangent,
+    /// 1 on every edge, as in the paper.
+    Uniform,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Energy {
+    Spokes,
+    SpokesAndRims,
+}
+
+impl ArapArguments {
+    /// `base` with what was typed put in.
+    pub(crate) fn method(self, base: &ArapOptions) -> Method {
+        Method::Arap(ArapOptions {
+            weights: match self.weights {
+                None => base.weights,
+                Some(Weights::Cotangent) => EdgeWeightKind::Cotangent,
+                Some(Weights::Uniform) => EdgeWeightKind::Uniform,
+            },
+            energy: match self.energy {
+                None => base.energy,
+                Some(Energy::Spokes) => ArapEnergy::Spokes,
+                Some(Energy::SpokesAndRims) => ArapEnergy::SpokesAndRims,
+            },
+            ..base.clone()
+        })
+    }
+}

@@ -1,0 +1,69 @@
+use anyhow::Result;
+use pliant::{
+    ArapOptions, PictureOptions, Schedule, Study, SweepRow, can_write, can_write_mesh, render, timed, write, write_png,
+};
+use serde::Serialize;
+
+use crate::args::EditOptions;
+use crate::console::{Console, StageTime, print_json};
+use crate::model::Model;
+
+/// What `pliant edit --json` prints: the row a sweep would have, and the files.
+#[derive(Serialize)]
+struct EditResult<'a> {
+    #[serde(flatten)]
+    row: &'a SweepRow,
+    output: String,
+    picture: Option<String>,
+    stages: Vec<StageTime>,
+}
+
+pub(crate) fn run(options: &EditOptions) -> Result<()> {
+    can_write_mesh(&options.output)?;
+    if let Some(picture) = &options.picture {
+        can_write(picture, &["png"])?;
+    }
+    let console = Console::new(options.json);
+    let model = Model::open(&options.model, &console)?;
+    model.check_output(&options.output)?;
+    let scene = model.scene(options.scene.as_deref())?;
+
+    let study = Study::new(model.name.clone(), &model.mesh, &scene)?;
+    let caged = study.cage(options.cage, &console)?;
+    let bound = study.bind(&caged, options.prune, &console)?;
+    let schedule = Schedule { steps: options.steps as usize, iterations: options.iterations };
+    let method = options.arap.method(&ArapOptions::default());
+    let dragged = study.drag(&caged, &method, schedule, &console)?;
+    let (pose, row) = study.carry(&caged, &bound, &dragged, options.propagation, &console);
+
+    let edited = model.mesh.with_positions(pose)?;
+    timed(&console, "write", |_| write(&options.output, &edited), |()| options.output.display().to_string())?;
+    if let Some(path) = &options.picture {
+        let draw =
+            |_: &dyn pliant::Progress| anyhow::Ok(write_png(path, &render(&edited, &PictureOptions::default())?)?);
+        timed(&console, "draw", draw, |()| path.display().to_string())?;
+    }
+    let picture = options.picture.as_ref().map(|p| p.display().to_string());
+    if options.json {
+        let output = options.output.display().to_string();
+        return print_json(&EditResult { row: &row, output, picture, stages: console.stages() });
+    }
+    console.say(&format!("scene {}: {}", scene.name, handle_list(&study)))?;
+    console.say(&format!(
+        "edge length error {:.2} % (root mean square of relative errors), {:.2} % (relative root mean square), 99 % of edges below {:.1} %",
+        1e2 * row.rms_relative,
+        1e2 * row.relative_rms,
+        1e2 * row.edge_p99
+    ))?;
+    for warning in model.notes().iter().chain(&row.warnings) {
+        console.warn(warning);
+    }
+    Ok(())
+}
+
+/// `feet (812 vertices), hand (90 vertices)`.
+pub(crate) fn handle_list(study: &Study<'_>) -> String {
+    let handles: Vec<String> =
+        study.handles().map(|(name, n)| format!("{name} ({} vertices)", pliant::count(n))).collect();
+    handles.join(", ")
+}

@@ -1,0 +1,73 @@
+//! MODEL on the command line: a file, or the built-in creature.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use pliant::{Bounds, ReadReport, Scene, SceneError, Stages, TriMesh, count, creature, read, timed};
+
+/// A mesh and where it comes from.
+pub(crate) struct Model {
+    pub(crate) name: String,
+    pub(crate) mesh: TriMesh,
+    /// `None` for the creature.
+    pub(crate) file: Option<ReadReport>,
+    path: Option<PathBuf>,
+}
+
+impl Model {
+    /// Reads or makes the model that `text` names.
+    pub(crate) fn open(text: &str, stages: &dyn Stages) -> Result<Self> {
+        let size =
+            |mesh: &TriMesh| format!("{} vertices, {} faces", count(mesh.vertex_count()), count(mesh.face_count()));
+        if let Some(vertices) = text.strip_prefix("creature:") {
+            let vertices = vertices.parse().with_context(|| {
+                format!("`{text}`: after creature: comes a number of vertices, such as creature:100000")
+            })?;
+            let (mesh, _) = timed(stages, "make creature", |_| creature(vertices), size)?;
+            return Ok(Self { name: text.to_owned(), mesh, file: None, path: None });
+        }
+        let path = Path::new(text);
+        let (asset, _) = timed(stages, "read", |_| read(path), |asset| size(&asset.mesh))?;
+        let name = path.file_name().map_or_else(|| text.to_owned(), |n| n.to_string_lossy().into_owned());
+        Ok(Self { name, mesh: asset.mesh, file: Some(asset.report), path: Some(path.to_owned()) })
+    }
+
+    /// The scene that was asked for; without one, the creature's own or `auto`.
+    pub(crate) fn scene(&self, asked: Option<&str>) -> Result<Scene, SceneError> {
+        let own = if self.path.is_none() { "creature" } else { "auto" };
+        Scene::find(asked.unwrap_or(own), &self.mesh.bounds())
+    }
+
+    /// Repairs made while reading that a user should know of.
+    pub(crate) fn notes(&self) -> Vec<String> {
+        let Some(file) = &self.file else { return Vec::new() };
+        let clean = file.clean;
+        let mut notes: Vec<String> = [
+            (file.triangulated, "faces with more than three corners were cut into triangles"),
+            (clean.welded, "vertices at the position of an earlier one were welded to it"),
+            (clean.degenerate_faces, "faces with two corners in one place were left out"),
+            (clean.repeated_faces, "repeated faces were left out"),
+            (clean.unused_vertices, "vertices are used by no face"),
+        ]
+        .iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, what)| format!("{} {what}", count(*n)))
+        .collect();
+        notes.extend(file.dropped.iter().map(|(what, n)| format!("{} {what} were left out", count(*n))));
+        notes
+    }
+
+    /// Diagonal of the bounding box, in units of the model.
+    pub(crate) fn bounds(&self) -> Bounds {
+        self.mesh.bounds()
+    }
+
+    /// Refuses to write over the model's own file, by whatever name.
+    pub(crate) fn check_output(&self, output: &Path) -> Result<()> {
+        let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+        if self.path.as_deref().is_some_and(|input| same(input, output)) {
+            bail!("{}: this is the model itself; write to another file", output.display());
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,85 @@
+//! As-rigid-as-possible surface modeling.
+//!
+//! - Sorkine, Alexa. *As-Rigid-As-Possible Surface Modeling.* SGP 2007. The energy, the two steps and the initial
+//!   guess.
+//! - Borosan, Howard, Zhang, Nealen. *Hybrid Mesh Editing.* Eurographics 2010, section 2.1: the same with weights 1
+//!   and two iterations. Its Eq. 2 prints the covariance as `sum w e e^T`; it must be `sum w e' e^T`, and the rotation
+//!   proper.
+//! - Chao, Pinkall, Sanan, Schröder. *A Simple Geometric Model for Elastic Deformation.* SIGGRAPH 2010: spokes and
+//!   rims.
+//!
+//! An iteration is a *local* step (the best rotation of each cell, positions held) and a *global* step (positions,
+//! rotations held: a linear system whose matrix never changes). Both minimise the same energy, so it never rises.
+
+mod cells;
+mod deformer;
+mod steps;
+
+use serde::{Deserialize, Serialize};
+
+use crate::DeformError;
+pub use crate::operators::EdgeWeightKind;
+pub use deformer::Arap;
+
+/// Most iterations that may be asked for.
+pub const MAX_ITERATIONS: u32 = 1_000_000;
+
+/// Which edges the cell of a vertex has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ArapEnergy {
+    /// The edges at the vertex (Sorkine and Alexa 2007).
+    #[default]
+    Spokes,
+    /// All edges of the faces round the vertex (Chao et al. 2010): bends more smoothly, at nearly the same cost.
+    SpokesAndRims,
+}
+
+/// Options of as-rigid-as-possible deformation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArapOptions {
+    /// Default: cotangent.
+    pub weights: EdgeWeightKind,
+    /// Default: spokes.
+    pub energy: ArapEnergy,
+    /// Iterations after the initial guess, at most [`MAX_ITERATIONS`]; with a tolerance, the most that are done.
+    /// Default: 2. With 0 the result is the guess.
+    pub iterations: u32,
+    /// If given, iterations stop as soon as one has lowered the energy by no more than this share of it; a number of 0
+    /// or more. 1e-4 is hard to tell from convergence by eye. Costs one local step and one pass over the edges more.
+    /// Default: none.
+    pub tolerance: Option<f64>,
+}
+
+impl Default for ArapOptions {
+    fn default() -> Self {
+        Self { weights: EdgeWeightKind::default(), energy: ArapEnergy::default(), iterations: 2, tolerance: None }
+    }
+}
+
+impl ArapOptions {
+    /// As in *Hybrid Mesh Editing*: weights 1, spokes, two iterations.
+    pub fn faithful() -> Self {
+        Self { weights: EdgeWeightKind::Uniform, ..Self::default() }
+    }
+
+    /// Iterates until the energy falls by less than 1e-6 of itself, at most 1000 times.
+    pub fn converged() -> Self {
+        Self { iterations: 1000, tolerance: Some(1e-6), ..Self::default() }
+    }
+
+    fn check(&self) -> Result<(), DeformError> {
+        if self.iterations > MAX_ITERATIONS {
+            let (expected, found) = ("at most 1000000", self.iterations.to_string());
+            return Err(DeformError::BadOption { option: "iterations", expected, found });
+        }
+        match self.tolerance {
+            Some(t) if !(t >= 0.0 && t.is_finite()) => {
+                let (expected, found) = ("a number of 0 or more", t.to_string());
+                Err(DeformError::BadOption { option: "tolerance", expected, found })
+            }
+            _ => Ok(()),
+        }
+    }
+}

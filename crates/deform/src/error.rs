@@ -1,0 +1,130 @@
+use pliant_linalg::LinalgError;
+use pliant_mesh::MeshError;
+use thiserror::Error;
+
+/// Why a region, a goal or a solve was refused. Handles are numbered from 0 in the order given.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum DeformError {
+    /// The region of interest has no vertex.
+    #[error("the region of interest is empty")]
+    EmptyRegion,
+    /// The region of interest names a vertex that does not exist.
+    #[error("the region of interest has vertex {vertex}, but there are {vertices} vertices (numbered from 0)")]
+    VertexOutOfRange {
+        /// The vertex named.
+        vertex: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// A handle cannot be used.
+    #[error("handle {handle} {fault}")]
+    Handle {
+        /// The handle.
+        handle: usize,
+        /// What is wrong with it.
+        fault: HandleFault,
+    },
+    /// Every vertex is free: nothing says where the shape should be.
+    #[error(
+        "nothing is held: every vertex is free, so the shape could be anywhere (add a handle or leave vertices out of the region of interest)"
+    )]
+    NoConstraint,
+    /// Something has not one entry per vertex or handle.
+    #[error("{found} {what} given where {expected} are needed")]
+    WrongCount {
+        /// "positions", "goals" or "vertices of the region".
+        what: &'static str,
+        /// How many are needed.
+        expected: usize,
+        /// How many were given.
+        found: usize,
+    },
+    /// An option has a value it cannot take.
+    #[error("{option} must be {expected}, not {found}")]
+    BadOption {
+        /// The option's name.
+        option: &'static str,
+        /// The values it takes.
+        expected: &'static str,
+        /// The value given.
+        found: String,
+    },
+    /// A mesh or pose is not usable.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The system of a vertex could not be solved, though the vertex is connected to something held.
+    #[error(
+        "the equations break down at vertex {vertex}: its surroundings are too degenerate (needles or folded triangles)"
+    )]
+    Singular {
+        /// The vertex.
+        vertex: u32,
+    },
+    /// The result is not finite or too large to compute with.
+    #[error("the result at vertex {vertex} is not a finite number; the pose was left as it was")]
+    ResultNotFinite {
+        /// The vertex.
+        vertex: u32,
+    },
+    /// The system does not fit in memory.
+    #[error("the equations are too large: {0}")]
+    TooLarge(LinalgError),
+}
+
+/// What is wrong with a handle.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum HandleFault {
+    /// It has no vertex.
+    #[error("has no vertex")]
+    Empty,
+    /// It names a vertex that does not exist.
+    #[error("has vertex {vertex}, but there are {vertices} vertices (numbered from 0)")]
+    VertexOutOfRange {
+        /// The vertex named.
+        vertex: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// It has a vertex that is not in the region of interest.
+    #[error("has vertex {vertex}, which is outside the region of interest")]
+    OutsideRegion {
+        /// The vertex.
+        vertex: u32,
+    },
+    /// It shares a vertex with an earlier handle.
+    #[error("and handle {other} both have vertex {vertex}")]
+    Overlap {
+        /// The earlier handle.
+        other: usize,
+        /// The shared vertex.
+        vertex: u32,
+    },
+    /// Its weight is not a positive number.
+    #[error("has weight {weight}: a soft handle's weight is a number above 0")]
+    Weight {
+        /// The weight.
+        weight: f64,
+    },
+    /// Its goal is not a similarity: a number is not finite, the scale is not positive, or the rotation is not a unit
+    /// quaternion.
+    #[error("has a goal that is no similarity: {reason}")]
+    Goal {
+        /// Which of its numbers is at fault.
+        reason: &'static str,
+    },
+    /// Its goal is too far away to compute with.
+    #[error("takes vertex {vertex} too far away to compute with (over 1e100 times the size of the shape)")]
+    TooFar {
+        /// The vertex.
+        vertex: u32,
+    },
+}
+
+impl DeformError {
+    /// The fault of a handle.
+    pub(crate) fn handle(handle: usize, fault: HandleFault) -> Self {
+        Self::Handle { handle, fault }
+    }
+}

@@ -1,0 +1,123 @@
+use std::fmt;
+
+use glam::DVec3;
+use pliant_mesh::TriMesh;
+use serde::{Deserialize, Serialize};
+
+use crate::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
+use crate::{DeformError, Goals, Region};
+
+/// A deformation method with its options: what a command line parses, a session saves and a table prints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Method {
+    /// As-rigid-as-possible surface modeling.
+    Arap(ArapOptions),
+}
+
+impl Default for Method {
+    fn default() -> Self {
+        Self::Arap(ArapOptions::default())
+    }
+}
+
+impl Method {
+    /// Assembles and factors what depends on the rest shape and on who is free, but not on where the handles go.
+    ///
+    /// # Errors
+    /// [`DeformError::BadOption`], [`DeformError::WrongCount`] if the region was made for another mesh,
+    /// [`DeformError::Mesh`] for a rest shape that is not finite, [`DeformError::Singular`], [`DeformError::TooLarge`].
+    pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
+        match self {
+            Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
+        }
+    }
+}
+
+impl Method {
+    /// The same method with exactly this many iterations a solve.
+    #[must_use]
+    pub fn with_iterations(&self, iterations: u32) -> Self {
+        match self {
+            Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
+        }
+    }
+
+    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times.
+    #[must_use]
+    pub fn until_converged(&self, tolerance: f64, most: u32) -> Self {
+        match self {
+            Self::Arap(options) => {
+                Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
+            }
+        }
+    }
+}
+
+/// Name, weights and energy, as tables print them: `arap cotangent spokes`.
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Arap(options) => {
+                let weights = match options.weights {
+                    EdgeWeightKind::Cotangent => "cotangent",
+                    EdgeWeightKind::Uniform => "uniform",
+                };
+                let energy = match options.energy {
+                    ArapEnergy::Spokes => "spokes",
+                    ArapEnergy::SpokesAndRims => "spokes-and-rims",
+                };
+                write!(f, "arap {weights} {energy}")
+            }
+        }
+    }
+}
+
+/// A prepared edit: solved again and again while its handles are dragged.
+pub trait Deformer: Send {
+    /// Moves `positions` so that the handles meet `goals`.
+    ///
+    /// `positions` is the only state: on entry the pose to start from (the rest pose or that of the last call, one
+    /// position per vertex), on exit the solution. Fixed vertices keep their bits; the vertices of hard handles are
+    /// exactly where their goal takes their rest position. On an error `positions` is unchanged. Nothing is allocated.
+    ///
+    /// # Errors
+    /// [`DeformError::WrongCount`] or [`DeformError::Handle`] for goals that do not fit or are no similarities,
+    /// [`DeformError::Mesh`] for a pose that does not fit or is not finite, [`DeformError::ResultNotFinite`].
+    fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError>;
+
+    /// What was found out while preparing.
+    fn prepared(&self) -> PrepareReport {
+        PrepareReport::default()
+    }
+}
+
+/// What was prepared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct PrepareReport {
+    /// Vertices solved for: free ones and those of soft handles.
+    pub unknowns: usize,
+    /// Vertices of the region of interest that no path along edges joins to anything held, unused ones included. They
+    /// stay in the incoming pose.
+    pub unconstrained: usize,
+    /// Edge weights that had to be changed to keep the equations well-behaved.
+    pub clamped_weights: usize,
+    /// Numbers stored for the factor.
+    pub factor_len: usize,
+}
+
+/// What a solve did.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct SolveReport {
+    /// Iterations done.
+    pub iterations: u32,
+    /// Whether the method's tolerance was met; `false` where none is set.
+    pub converged: bool,
+    /// The method's energy before the first iteration, in its own units; only where the stop rule needs it.
+    pub energy_before: Option<f64>,
+    /// The method's energy of the result; only where the stop rule needs it.
+    pub energy_after: Option<f64>,
+    /// Vertices held in the incoming pose because nothing constrains them ([`PrepareReport::unconstrained`]).
+    pub unconstrained: usize,
+}

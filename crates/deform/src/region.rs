@@ -1,0 +1,184 @@
+use pliant_mesh::VertexSet;
+use serde::{Deserialize, Serialize};
+
+use crate::error::HandleFault;
+use crate::{DeformError, Goals};
+
+/// How a handle's vertices are held to their goals.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Constraint {
+    /// Exactly: the vertices are taken out of the equations.
+    #[default]
+    Hard,
+    /// In the least-squares sense, with a weight in (0, inf) relative to the mean diagonal entry of the method's
+    /// matrix, which makes it independent of the mesh's scale and of the kind of edge weights.
+    ///
+    /// Weights beyond `1e-10..1e12` act as those bounds: rounding leaves no difference.
+    Soft(f64),
+}
+
+/// Vertices that are moved together by one goal.
+///
+/// A handle that stays where it is has the identity as its goal; that is an anchor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Handle {
+    /// Its vertices, at least one, all within the region of interest.
+    pub vertices: VertexSet,
+    /// How they are held.
+    pub constraint: Constraint,
+}
+
+impl Handle {
+    /// A handle whose vertices land exactly on their goals.
+    pub fn hard(vertices: VertexSet) -> Self {
+        Self { vertices, constraint: Constraint::Hard }
+    }
+
+    /// A handle whose vertices are drawn to their goals with a weight (see [`Constraint::Soft`]).
+    pub fn soft(vertices: VertexSet, weight: f64) -> Self {
+        Self { vertices, constraint: Constraint::Soft(weight) }
+    }
+}
+
+/// What becomes of a vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// It stays where the pose has it, bit for bit.
+    Fixed,
+    /// It is solved for.
+    Free,
+    /// It belongs to the handle of this number.
+    Handle(u32),
+}
+
+/// The region of interest of an edit and its handles: one [`Role`] per vertex.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    roles: Vec<Role>,
+    handles: Vec<Handle>,
+}
+
+impl Region {
+    /// The region in which the vertices of `roi` take part, those in a handle are led by it, and all others are fixed.
+    ///
+    /// # Errors
+    /// [`DeformError::Handle`] for a handle that is empty, leaves the region or the mesh, shares a vertex with another
+    /// or has a weight that is not a positive number; [`DeformError::EmptyRegion`], [`DeformError::VertexOutOfRange`];
+    /// [`DeformError::NoConstraint`] if every vertex of the mesh would be free.
+    pub fn new(vertex_count: usize, roi: &VertexSet, handles: &[Handle]) -> Result<Self, DeformError> {
+        if roi.is_empty() {
+            return Err(DeformError::EmptyRegion);
+        }
+        let mut roles = vec![Role::Fixed; vertex_count];
+        for vertex in roi.iter() {
+            *roles
+                .get_mut(vertex as usize)
+                .ok_or(DeformError::VertexOutOfRange { vertex, vertices: vertex_count })? = Role::Free;
+        }
+        for (number, handle) in handles.iter().enumerate() {
+            claim(&mut roles, number, handle).map_err(|fault| DeformError::handle(number, fault))?;
+        }
+        if roles.iter().all(|role| *role == Role::Free) {
+            return Err(DeformError::NoConstraint);
+        }
+        Ok(Self { roles, handles: handles.to_vec() })
+    }
+
+    /// One role per vertex.
+    pub fn roles(&self) -> &[Role] {
+        &self.roles
+    }
+
+    /// The handles, in the order given.
+    pub fn handles(&self) -> &[Handle] {
+        &self.handles
+    }
+
+    /// Number of vertices of the mesh.
+    pub fn vertex_count(&self) -> usize {
+        self.roles.len()
+    }
+
+    /// How a vertex's handle holds it, if it has one.
+    pub(crate) fn constraint(&self, vertex: usize) -> Option<Constraint> {
+        match self.roles[vertex] {
+            Role::Handle(handle) => Some(self.handles[handle as usize].constraint),
+            Role::Fixed | Role::Free => None,
+        }
+    }
+
+    /// Goals that leave every handle where it is.
+    pub fn identity_goals(&self) -> Goals {
+        Goals::identity(self.handles.len())
+    }
+}
+
+/// Gives a handle its vertices.
+fn claim(roles: &mut [Role], number: usize, handle: &Handle) -> Result<(), HandleFault> {
+    if let Constraint::Soft(weight) = handle.constraint
+        && !(weight > 0.0 && weight.is_finite())
+    {
+        return Err(HandleFault::Weight { weight });
+    }
+    if handle.vertices.is_empty() {
+        return Err(HandleFault::Empty);
+    }
+    let vertices = roles.len();
+    for vertex in handle.vertices.iter() {
+        let role = roles.get_mut(vertex as usize).ok_or(HandleFault::VertexOutOfRange { vertex, vertices })?;
+        match *role {
+            // There are never more handles than vertices, which have 32-bit numbers.
+            Role::Free => *role = Role::Handle(number as u32),
+            Role::Fixed => return Err(HandleFault::OutsideRegion { vertex }),
+            Role::Handle(other) => return Err(HandleFault::Overlap { other: other as usize, vertex }),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(vertices: &[u32]) -> VertexSet {
+        vertices.iter().copied().collect()
+    }
+
+    #[test]
+    fn roles_follow_region_and_handles() {
+        let handles = [Handle::hard(set(&[1])), Handle::soft(set(&[3]), 2.0)];
+        let region = Region::new(5, &set(&[1, 2, 3]), &handles).expect("valid");
+        let expected = [Role::Fixed, Role::Handle(0), Role::Free, Role::Handle(1), Role::Fixed];
+        assert_eq!(region.roles(), expected);
+        assert_eq!(region.constraint(3), Some(Constraint::Soft(2.0)));
+        assert_eq!(region.constraint(2), None);
+    }
+
+    #[test]
+    fn every_fault_names_its_handle() {
+        let first = Handle::hard(set(&[1]));
+        let fault = |handle: Handle| match Region::new(5, &set(&[1, 2, 3]), &[first.clone(), handle]) {
+            Err(DeformError::Handle { handle: 1, fault }) => fault,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(fault(Handle::hard(set(&[]))), HandleFault::Empty);
+        assert_eq!(fault(Handle::hard(set(&[2, 9]))), HandleFault::VertexOutOfRange { vertex: 9, vertices: 5 });
+        assert_eq!(fault(Handle::hard(set(&[2, 4]))), HandleFault::OutsideRegion { vertex: 4 });
+        assert_eq!(fault(Handle::hard(set(&[1, 2]))), HandleFault::Overlap { other: 0, vertex: 1 });
+        for weight in [0.0, -1.0, f64::INFINITY] {
+            assert_eq!(fault(Handle::soft(set(&[2]), weight)), HandleFault::Weight { weight });
+        }
+        assert!(matches!(fault(Handle::soft(set(&[2]), f64::NAN)), HandleFault::Weight { .. }));
+    }
+
+    #[test]
+    fn a_region_must_exist_and_be_held() {
+        assert_eq!(Region::new(3, &set(&[]), &[]), Err(DeformError::EmptyRegion));
+        let error = Region::new(3, &set(&[0, 7]), &[]);
+        assert_eq!(error, Err(DeformError::VertexOutOfRange { vertex: 7, vertices: 3 }));
+        assert_eq!(Region::new(3, &set(&[0, 1, 2]), &[]), Err(DeformError::NoConstraint));
+        // Without a handle, but with a rim to hold on to.
+        assert!(Region::new(3, &set(&[0, 1]), &[]).is_ok());
+    }
+}

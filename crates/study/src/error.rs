@@ -1,0 +1,65 @@
+use pliant_cage::CageError;
+use pliant_deform::{DeformError, HandleFault};
+use thiserror::Error;
+
+use crate::SceneError;
+
+/// Why an edit or a sweep could not be made.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// The scene is wrong or does not fit the shape.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The cage or the binding could not be made.
+    #[error(transparent)]
+    Cage(#[from] CageError),
+    /// The solver refused or failed.
+    #[error(transparent)]
+    Deform(#[from] DeformError),
+    /// The solver refused a handle of the scene.
+    #[error("handle '{name}' {fault}")]
+    Handle {
+        /// Its name in the scene.
+        name: String,
+        /// What is wrong with it.
+        fault: HandleFault,
+    },
+    /// A cage is too small for the scene.
+    #[error("a cage of {vertices} vertices has no vertex left for handle '{handle}'; ask for a larger cage")]
+    NoRoom {
+        /// The handle's name.
+        handle: String,
+        /// Vertices of the cage.
+        vertices: usize,
+    },
+    /// A cage size could not be read.
+    #[error(
+        "`{found}` is not a cage size: use a number of vertices (2000), a share (5%), a distance (error:0.002) or none"
+    )]
+    BadSize {
+        /// What was given.
+        found: String,
+    },
+    /// A number of iterations could not be read.
+    #[error("`{found}` is not a number of iterations: use 0 to {most}, or converged")]
+    BadIterations {
+        /// What was given.
+        found: String,
+        /// The largest number allowed.
+        most: u32,
+    },
+}
+
+impl StudyError {
+    /// A solver's error in the scene's words.
+    pub(crate) fn deform<'n>(error: DeformError, mut names: impl Iterator<Item = &'n str>) -> Self {
+        match error {
+            DeformError::Handle { handle, fault } => match names.nth(handle) {
+                Some(name) => Self::Handle { name: name.to_owned(), fault },
+                None => Self::Deform(DeformError::Handle { handle, fault }),
+            },
+            other => Self::Deform(other),
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The one list of columns that both CSV and Markdown are written from.
+
+use super::SweepRow;
+
+/// A column of the table.
+pub(super) struct Column {
+    /// Its name in CSV; the same as the field's in JSON.
+    pub(super) key: &'static str,
+    /// Its name for people, with the unit.
+    pub(super) heading: &'static str,
+    /// When Markdown shows it.
+    pub(super) shown: Shown,
+    /// Its value in a row.
+    pub(super) cell: fn(&SweepRow) -> Cell,
+}
+
+/// Which Markdown tables show a column.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// Every one, even if the column is constant: what the table is about.
+    Always,
+    /// Every one, unless constant: what was asked.
+    Setting,
+    /// Every one, unless constant over several rows: what came out.
+    Main,
+    /// Only full ones.
+    Full,
+    /// None: said below the table.
+    Never,
+}
+
+/// A value with the way people read it.
+pub(super) enum Cell {
+    Text(String),
+    Count(usize),
+    /// A fraction, shown in percent.
+    Share(f64),
+    /// A plain number.
+    Number(f64),
+    /// Milliseconds.
+    Time(f64),
+    Missing,
+}
+
+impl Cell {
+    /// As programs read it: fractions, full precision, nothing where there is no value.
+    pub(super) fn exact(&self) -> String {
+        match self {
+            Self::Text(text) => text.clone(),
+            Self::Count(count) => count.to_string(),
+            Self::Share(x) | Self::Number(x) | Self::Time(x) => format!("{x:?}"),
+            Self::Missing => String::new(),
+        }
+    }
+
+    /// As people read it: percent, and as many digits as matter.
+    pub(super) fn rounded(&self) -> String {
+        match self {
+            Self::Share(x) => fixed_or_tiny(100.0 * x, 2),
+            Self::Number(x) => fixed_or_tiny(*x, 2),
+            Self::Time(x) if x.abs() >= 99.95 => format!("{x:.0}"),
+            Self::Time(x) if x.abs() >= 9.995 => format!("{x:.1}"),
+            Self::Time(x) => fixed_or_tiny(*x, 2),
+            _ => self.exact(),
+        }
+    }
+
+    /// Whether a column of these is aligned to the right.
+    pub(super) fn is_number(&self) -> bool {
+        !matches!(self, Self::Text(_) | Self::Missing)
+    }
+}
+
+/// A number with fixed decimals; with one digit and an exponent if those decimals would all be 0 and it is not, or if it
+/// is too large for decimals to matter.
+fn fixed_or_tiny(x: f64, decimals: i32) -> String {
+    let smallest = 0.5 * 10.0_f64.powi(-decimals);
+    if x == 0.0 {
+        "0".to_owned()
+    } else if x.abs() < smallest || (x.is_finite() && x.abs() >= 1e6) {
+        format!("{x:.0e}")
+    } else {
+        format!("{x:.*}", decimals as usize)
+    }
+}
+
+fn text(text: &str) -> Cell {
+    Cell::Text(text.to_owned())
+}
+
+/// Every column in the order of the tables, from what was asked over what came out to what it took.
+pub(super) const COLUMNS: [Column; 32] = {
+    use Shown::{Always, Full, Main, Never, Setting};
+
+    const fn column(key: &'static str, heading: &'static str, shown: Shown, cell: fn(&SweepRow) -> Cell) -> Column {
+        Column { key, heading, shown, cell }
+    }
+
+    [
+        column("model", "model", Setting, |r| text(&r.model)),
+        column("vertices", "vertices", Setting, |r| Cell::Count(r.vertices)),
+        column("scene", "scene", Setting, |r| text(&r.scene)),
+        column("method", "method", Setting, |r| text(&r.method)),
+        column("steps", "steps", Setting, |r| Cell::Count(r.steps)),
+        column("iterations", "iterations", Setting, |r| r.iterations.map_or_else(|| text("converged"), Cell::Count)),
+        column("propagation", "propagation", Setting, |r| text(&r.propagation)),
+        column("prune", "prune", Setting, |r| text(&r.prune)),
+        column("cage_asked", "cage asked", Setting, |r| text(&r.cage_asked)),
+        column("cage_vertices", "cage vertices", Always, |r| Cell::Count(r.cage_vertices)),
+        column("rms_relative", "RMS relative (%)", Always, |r| Cell::Share(r.rms_relative)),
+        column("relative_rms", "relative RMS (%)", Main, |r| Cell::Share(r.relative_rms)),
+        column("published", "published (%)", Main, |r| r.published.map_or(Cell::Missing, Cell::Share)),
+        column("edge_median", "median (%)", Full, |r| Cell::Share(r.edge_median)),
+        column("edge_p95", "p95 (%)", Full, |r| Cell::Share(r.edge_p95)),
+        column("edge_p99", "p99 (%)", Main, |r| Cell::Share(r.edge_p99)),
+        column("edge_max", "max (%)", Main, |r| Cell::Share(r.edge_max)),
+        column("max_free_stretch", "free stretch (x)", Full, |r| Cell::Number(r.max_free_stretch)),
+        column("cage_rms_relative", "cage RMS (%)", Full, |r| Cell::Share(r.cage_rms_relative)),
+        column("rest_rms_relative", "rest RMS (%)", Main, |r| Cell::Share(r.rest_rms_relative)),
+        column("rest_error_max", "rest max (% of diagonal)", Main, |r| Cell::Share(r.rest_error_max)),
+        column("kept_mean", "kept mean", Main, |r| Cell::Number(r.kept_mean)),
+        column("kept_max", "kept max", Main, |r| Cell::Count(r.kept_max)),
+        column("negative_share", "negative weights (%)", Full, |r| Cell::Share(r.negative_share)),
+        column("unsafe_rows", "unsafe rows", Full, |r| Cell::Count(r.unsafe_rows)),
+        column("simplify_ms", "simplify (ms)", Main, |r| Cell::Time(r.simplify_ms)),
+        column("bind_ms", "bind (ms)", Main, |r| Cell::Time(r.bind_ms)),
+        column("prepare_ms", "prepare (ms)", Main, |r| Cell::Time(r.prepare_ms)),
+        column("drag_ms", "drag (ms)", Main, |r| Cell::Time(r.drag_ms)),
+        column("propagate_ms", "propagate (ms)", Main, |r| Cell::Time(r.propagate_ms)),
+        column("published_ms", "published (ms)", Main, |r| r.published_ms.map_or(Cell::Missing, Cell::Time)),
+        column("warnings", "warnings", Never, |r| Cell::Text(r.warnings.join("; "))),
+    ]
+};

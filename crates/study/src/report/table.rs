@@ -1,0 +1,137 @@
+//! CSV for programs and Markdown for people.
+
+use std::fmt::Write as _;
+
+use super::columns::{COLUMNS, Cell, Column, Shown};
+use super::{SweepReport, SweepRow};
+
+/// How much a Markdown table shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Detail {
+    /// What most readers compare: settings, both errors, high percentiles, rest errors, kept weights, times (the default).
+    #[default]
+    Main,
+    /// Every column.
+    Full,
+}
+
+impl SweepReport {
+    /// Comma-separated values (RFC 4180): a header of the fields' names, then one record per row; lines end with CR LF.
+    ///
+    /// Errors are fractions, numbers have full precision. Missing values are empty, `iterations` is `converged` where
+    /// JSON has `null`, and warnings are joined by `; `.
+    pub fn to_csv(&self) -> String {
+        let mut csv = String::new();
+        let mut record = |fields: &mut dyn Iterator<Item = String>| {
+            for (k, field) in fields.enumerate() {
+                csv.push_str(if k > 0 { "," } else { "" });
+                csv.push_str(&quoted(field));
+            }
+            csv.push_str("\r\n");
+        };
+        record(&mut COLUMNS.iter().map(|column| column.key.to_owned()));
+        for row in &self.rows {
+            record(&mut COLUMNS.iter().map(|column| (column.cell)(row).exact()));
+        }
+        csv
+    }
+
+    /// A Markdown table with units in its header, errors in percent.
+    ///
+    /// Above it stands what all rows have in common, each such column said once; a column without any value is left out.
+    /// Below it stand the warnings, by row (numbered from 1), and the notes. Columns are padded, so that it reads as plain text too.
+    pub fn to_markdown(&self, detail: Detail) -> String {
+        let mut out = String::new();
+        if self.rows.is_empty() {
+            out.push_str("No rows.\n");
+        } else {
+            let (common, columns) = self.split_columns(detail);
+            if !common.is_empty() {
+                let _ = writeln!(out, "{}\n", common.join("; "));
+            }
+            self.write_table(&mut out, &columns);
+        }
+        self.write_remarks(&mut out);
+        out
+    }
+
+    /// What all rows have in common, as `heading: value`, and the columns in which they differ.
+    fn split_columns(&self, detail: Detail) -> (Vec<String>, Vec<&'static Column>) {
+        let (mut common, mut differing) = (Vec::new(), Vec::new());
+        for column in &COLUMNS {
+            let shown = match column.shown {
+                Shown::Always | Shown::Setting | Shown::Main => true,
+                Shown::Full => detail == Detail::Full,
+                Shown::Never => false,
+            };
+            let cells: Vec<Cell> = self.rows.iter().map(column.cell).collect();
+            if !shown || cells.iter().all(|cell| matches!(cell, Cell::Missing)) {
+                continue;
+            }
+            let first = cells[0].rounded();
+            let can_be_said_once = match column.shown {
+                Shown::Always => false,
+                Shown::Setting => true,
+                _ => self.rows.len() > 1,
+            };
+            if can_be_said_once && cells.iter().all(|cell| cell.rounded() == first) {
+                common.push(format!("{}: {}", column.heading, in_markdown(&first)));
+            } else {
+                differing.push(column);
+            }
+        }
+        (common, differing)
+    }
+
+    fn write_table(&self, out: &mut String, columns: &[&Column]) {
+        let mut lines: Vec<Vec<String>> = vec![columns.iter().map(|column| column.heading.to_owned()).collect()];
+        for row in &self.rows {
+            lines.push(columns.iter().map(|column| shown_cell(column, row)).collect());
+        }
+        // A column of text starts at the left, one of numbers ends at the right.
+        let numeric: Vec<bool> =
+            columns.iter().map(|c| self.rows.iter().any(|row| (c.cell)(row).is_number())).collect();
+        let width = |k: usize| lines.iter().map(|line| line[k].chars().count()).max().unwrap_or(0).max(3);
+        let widths: Vec<usize> = (0..columns.len()).map(width).collect();
+        for (number, line) in lines.iter().enumerate() {
+            for ((cell, &width), &right) in line.iter().zip(&widths).zip(&numeric) {
+                let _ = if right { write!(out, "| {cell:>width$} ") } else { write!(out, "| {cell:<width$} ") };
+            }
+            out.push_str("|\n");
+            if number == 0 {
+                for (&width, &right) in widths.iter().zip(&numeric) {
+                    let _ = write!(out, "|{}{}", "-".repeat(width + 1), if right { ":" } else { "-" });
+                }
+                out.push_str("|\n");
+            }
+        }
+    }
+
+    fn write_remarks(&self, out: &mut String) {
+        let warnings = self.rows.iter().enumerate().flat_map(|(k, row)| {
+            row.warnings.iter().map(move |warning| format!("Row {}: {}", k + 1, in_markdown(warning)))
+        });
+        let remarks: Vec<String> = warnings.chain(self.notes.iter().map(|note| in_markdown(note))).collect();
+        if !remarks.is_empty() {
+            out.push('\n');
+            remarks.iter().for_each(|remark| out.push_str(&format!("- {remark}\n")));
+        }
+    }
+}
+
+fn shown_cell(column: &Column, row: &SweepRow) -> String {
+    match (column.cell)(row) {
+        Cell::Missing => "-".to_owned(),
+        cell => in_markdown(&cell.rounded()),
+    }
+}
+
+/// A field of CSV, in quotes where it must be.
+fn quoted(field: String) -> String {
+    if field.contains([',', '"', '\r', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field }
+}
+
+/// Text that does not end a table's cell or line.
+fn in_markdown(text: &str) -> String {
+    text.replace('|', "\\|").replace(['\r', '\n'], " ")
+}

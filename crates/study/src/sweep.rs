@@ -1,0 +1,111 @@
+//! Cage sizes against error and time.
+
+use pliant_cage::{Propagation, Prune};
+use pliant_deform::{ArapOptions, Method};
+use pliant_mesh::TriMesh;
+
+use crate::paper::paper_sizes;
+use crate::pipeline::{Iterations, Schedule, Study, SweepSize};
+use crate::report::{ModelInfo, SweepReport};
+use crate::stages::Stages;
+use crate::{Scene, StudyError};
+
+/// The rows of a sweep: every combination of what is listed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SweepPlan {
+    /// Cage sizes; [`SweepSize::None`] gives one row per method and number of iterations.
+    pub sizes: Vec<SweepSize>,
+    /// Ways to propagate.
+    pub propagations: Vec<Propagation>,
+    /// Prune rules.
+    pub prunes: Vec<Prune>,
+    /// Methods.
+    pub methods: Vec<Method>,
+    /// Iterations.
+    pub iterations: Vec<Iterations>,
+    /// Steps of each drag.
+    pub steps: usize,
+}
+
+impl SweepPlan {
+    /// Table 1 of Hybrid Mesh Editing (Borosan et al. 2010) for a shape of `vertices` vertices: its cage sizes, both
+    /// propagations and prune rules, unit weights, dragged in 20 steps of 2 iterations, and converged.
+    pub fn paper(vertices: usize) -> Self {
+        let size =
+            |cage: Option<usize>| cage.map_or(SweepSize::None, |n| SweepSize::Cage(pliant_cage::CageSize::Vertices(n)));
+        Self {
+            sizes: paper_sizes(vertices).sizes.iter().map(|(cage, _)| size(*cage)).collect(),
+            propagations: vec![Propagation::Positions, Propagation::Frames],
+            prunes: vec![Prune::PAPER, Prune::default()],
+            methods: vec![Method::Arap(ArapOptions::faithful())],
+            iterations: vec![Iterations::Count(2), Iterations::Converged],
+            steps: 20,
+        }
+    }
+}
+
+/// Runs a sweep. Each cage is made once, each binding once per cage and rule, each drag once per cage, method and iterations.
+///
+/// Rows stand in the order of the plan: sizes, then methods, iterations, propagations, prune rules. The paper's figure
+/// is set beside rows made the paper's way, where model and cage size are the paper's.
+///
+/// # Errors
+/// The first row that cannot be made ends the sweep.
+pub fn sweep(
+    model: &str,
+    shape: &TriMesh,
+    scene: &Scene,
+    plan: &SweepPlan,
+    stages: &dyn Stages,
+) -> Result<SweepReport, StudyError> {
+    let study = Study::new(model, shape, scene)?;
+    let mut report = SweepReport::new(
+        ModelInfo {
+            name: model.to_owned(),
+            vertices: shape.vertex_count(),
+            faces: shape.face_count(),
+            diagonal: shape.bounds().diagonal(),
+            closed: shape.topology().is_closed(),
+        },
+        scene.name.clone(),
+    );
+    for &size in &plan.sizes {
+        let caged = study.cage(size, stages)?;
+        let prunes: &[Prune] = if size == SweepSize::None { &[Prune::None] } else { &plan.prunes };
+        let bound = prunes.iter().map(|&prune| study.bind(&caged, prune, stages)).collect::<Result<Vec<_>, _>>()?;
+        let propagations = if size == SweepSize::None { &[Propagation::Positions] } else { &plan.propagations[..] };
+        for method in &plan.methods {
+            for &iterations in &plan.iterations {
+                let schedule = Schedule { steps: plan.steps, iterations };
+                let dragged = study.drag(&caged, method, schedule, stages)?;
+                for &propagation in propagations {
+                    for bound in &bound {
+                        report.rows.push(study.carry(&caged, bound, &dragged, propagation, stages).1);
+                    }
+                }
+            }
+        }
+    }
+    set_published(&mut report);
+    Ok(report)
+}
+
+/// Puts the paper's figures beside rows of its models, cage sizes and ways: positions, 3 %, two iterations, or no cage.
+fn set_published(report: &mut SweepReport) {
+    let sizes = paper_sizes(report.model.vertices).sizes;
+    let papers_way = [Propagation::Positions.to_string(), Prune::PAPER.to_string()];
+    for row in &mut report.rows {
+        let same_way = row.is_direct() || [&row.propagation, &row.prune] == [&papers_way[0], &papers_way[1]];
+        if !(same_way && row.iterations == Some(2) && row.scene == PAPER_SCENE) {
+            continue;
+        }
+        let cage = (!row.is_direct()).then_some(row.cage_vertices);
+        if let Some((_, Some(published))) = sizes.iter().find(|(size, _)| *size == cage) {
+            row.published = Some(published.rms);
+            row.published_ms = Some(published.ms);
+        }
+    }
+}
+
+/// The scene that comes nearest to the paper's figures without a cage.
+pub const PAPER_SCENE: &str = "armadillo-2";
