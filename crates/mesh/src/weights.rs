@@ -141,7 +141,7 @@ mod tests {
         let grid = shapes::plane_grid(4, 4, 1.0, 1.0).expect("valid size");
         let weights = EdgeWeights::cotangent(&grid);
         assert_eq!(weights.clamped, 16);
-        // 24 inner edges of weight 1, 16 border edges of weight 1/2, 16 diagonals of weight 0: the median is 1/2.
+        // 24 inner edges of weight 1, 16 border edges of weight 1/2, 16 diagonals of weight 0 to rounding: the median is 1/2.
         let smallest = weights.values.iter().copied().fold(f64::INFINITY, f64::min);
         assert!((smallest / (MIN_RELATIVE_COTANGENT * 0.5) - 1.0).abs() < 1e-12, "{smallest}");
         assert!(weights.values.iter().all(|w| w.is_finite() && *w > 0.0));
