@@ -1,0 +1,181 @@
+//! The command as a user meets it: what it prints, writes and refuses.
+
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn pliant(arguments: &[&str]) -> Output {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("pliant"));
+    command.args(arguments).output().expect("runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("text")
+}
+
+/// Standard output of a call that must succeed.
+fn said(arguments: &[&str]) -> String {
+    let output = pliant(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// Standard error of a call that must be refused.
+fn refused(arguments: &[&str]) -> String {
+    let output = pliant(arguments);
+    assert!(!output.status.success(), "{arguments:?} was accepted");
+    text(&output.stderr)
+}
+
+fn json(arguments: &[&str]) -> Value {
+    serde_json::from_str(&said(arguments)).expect("one JSON value and nothing else")
+}
+
+fn path(folder: &tempfile::TempDir, name: &str) -> String {
+    folder.path().join(name).display().to_string()
+}
+
+#[test]
+fn demo_writes_what_it_names() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = path(&folder, "out");
+    let printed = said(&["demo", "--vertices", "3000", "--out", &out]);
+    assert!(!printed.contains('\u{1b}'), "control characters where there is no terminal");
+    for part in ["before", "after"] {
+        for (what, kind) in [("shape", "glb"), ("shape", "png"), ("cage", "glb"), ("cage", "png")] {
+            let name = format!("{what}-{part}.{kind}");
+            assert!(printed.contains(&name) && Path::new(&out).join(&name).exists(), "{name}");
+        }
+    }
+    for name in ["sweep.md", "sweep.csv", "sweep.svg", "sweep.json", "demo.png"] {
+        assert!(printed.contains(name) && Path::new(&out).join(name).exists(), "{name}");
+    }
+    for stage in ["make creature", "simplify", "bind", "prepare", "solve", "propagate", "write meshes", "draw"] {
+        assert!(printed.contains(stage), "{stage}");
+    }
+    assert!(printed.contains("edit MODEL"), "names no next command");
+    let before = json(&["info", &Path::new(&out).join("shape-before.glb").display().to_string(), "--json"]);
+    assert_eq!(before["euler_characteristic"], 2);
+    assert_eq!((&before["closed"], &before["manifold"]), (&Value::Bool(true), &Value::Bool(true)));
+}
+
+#[test]
+fn edit_moves_what_the_scene_says_and_writes_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (mesh, picture) = (path(&folder, "edited.ply"), path(&folder, "edited.png"));
+    let row = json(&["edit", "creature:3000", "-o", &mesh, "--picture", &picture, "--json"]);
+    assert_eq!(row["scene"], "creature");
+    assert!(row["rms_relative"].as_f64().is_some_and(|e| e > 0.0 && e < 0.1), "{row}");
+    assert!(Path::new(&picture).exists());
+    let (rest, edited) = (json(&["info", "creature:3000", "--json"]), json(&["info", &mesh, "--json"]));
+    assert_eq!(rest["vertices"], edited["vertices"]);
+    assert_ne!(rest["size"], edited["size"]);
+}
+
+#[test]
+fn the_same_file_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let files: Vec<Vec<u8>> = ["1", "2", "4"]
+        .map(|threads| {
+            let mesh = path(&folder, &format!("{threads}.obj"));
+            let mut command = Command::new(assert_cmd::cargo::cargo_bin!("pliant"));
+            command.env("RAYON_NUM_THREADS", threads).args(["edit", "creature:4000", "-o", &mesh]).assert().success();
+            std::fs::read(&mesh).expect("written")
+        })
+        .into();
+    assert!(files[0] == files[1] && files[0] == files[2]);
+}
+
+#[test]
+fn a_cage_of_all_vertices_writes_the_file_of_no_cage() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let files: Vec<Vec<u8>> = ["100%", "none"]
+        .map(|cage| {
+            let mesh = path(&folder, &format!("{cage}.obj"));
+            said(&["edit", "creature:2500", "--cage", cage, "-o", &mesh]);
+            std::fs::read(&mesh).expect("written")
+        })
+        .into();
+    assert!(files[0] == files[1]);
+}
+
+#[test]
+fn cage_and_sweep_print_tables_and_json() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cage = path(&folder, "cage.glb");
+    let made = json(&["cage", "creature:3000", "--size", "200", "-o", &cage, "--json"]);
+    assert_eq!((&made["cage_vertices"], &made["euler_characteristic"]), (&Value::from(200), &Value::from(2)));
+    assert!(made["distance"]["rms"].as_f64().is_some_and(|d| d > 0.0 && d < 0.02), "{made}");
+
+    let prefix = path(&folder, "report");
+    let arguments = ["sweep", "creature:3000", "--sizes", "5%,none", "--iterations", "2,converged", "-o", &prefix];
+    assert!(said(&arguments).contains("RMS relative"));
+    for kind in ["json", "csv", "md", "svg"] {
+        assert!(Path::new(&format!("{prefix}.{kind}")).exists(), "{kind}");
+    }
+    let rows = json(&["sweep", "creature:3000", "--sizes", "5%,none", "--json"])["rows"].clone();
+    assert_eq!(rows.as_array().map(Vec::len), Some(2));
+}
+
+#[test]
+fn the_papers_preset_runs_its_sizes_both_ways() {
+    let report = json(&["sweep", "creature:2000", "--preset", "paper", "--json"]);
+    let rows = report["rows"].as_array().expect("rows");
+    // Four sizes of the smaller model, four ways, two schedules; and no cage twice.
+    assert_eq!(rows.len(), 4 * 4 * 2 + 2);
+    assert!(rows.iter().all(|r| r["steps"] == 20 && r["method"] == "arap uniform spokes"));
+    assert!(!report["notes"].as_array().expect("notes").is_empty(), "the sizes are scaled and the scene is another");
+}
+
+/// Each refusal names what is wrong, and leaves nothing behind.
+#[test]
+fn refusals_name_the_culprit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = path(&folder, "out.obj");
+    let nowhere = path(&folder, "missing/out.obj");
+    let model = path(&folder, "model.obj");
+    std::fs::write(&model, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n").expect("written");
+    let scene = path(&folder, "scene.json");
+    std::fs::write(&scene, "{ \"name\": \"s\", \"handles\": [ { \"nmae\": 1 } ] }").expect("written");
+    for (arguments, words) in [
+        (vec!["edit", "missing.obj", "-o", &out], vec!["missing.obj"]),
+        (vec!["edit", &model, "-o", &out], vec!["model.obj:4", "9"]),
+        (vec!["edit", "creature:10", "-o", &out], vec!["2000", "10"]),
+        (vec!["edit", "creature:many", "-o", &out], vec!["creature:many"]),
+        (vec!["edit", "creature:2000", "-o", &nowhere], vec!["missing"]),
+        (vec!["edit", "creature:2000", "-o", "out.xyz"], vec![".xyz", "glb"]),
+        (vec!["edit", "creature:2000", "--scene", &scene, "-o", &out], vec!["scene.json", "nmae"]),
+        (vec!["edit", "creature:2000", "--scene", "nothing", "-o", &out], vec!["nothing", "creature"]),
+        (vec!["edit", "creature:2000", "--cage", "-5", "-o", &out], vec!["-5"]),
+        (vec!["edit", "creature:2000", "--prune", "local:0", "-o", &out], vec!["local:0", "neighbours"]),
+        (vec!["cage", "creature:2000", "--size", "none", "-o", &out], vec!["none"]),
+        (vec!["sweep", "creature:2000", "--iterations", "few"], vec!["few"]),
+    ] {
+        let error = refused(&arguments);
+        for word in words {
+            assert!(error.contains(word), "{arguments:?} said: {error}");
+        }
+        assert!(!Path::new(&out).exists());
+    }
+}
+
+#[test]
+fn the_model_itself_is_never_written_over() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let model = path(&folder, "model.obj");
+    said(&["cage", "creature:2000", "--size", "500", "-o", &model]);
+    let before = std::fs::read(&model).expect("written");
+    assert!(refused(&["edit", &model, "-o", &model]).contains("model itself"));
+    assert!(std::fs::read(&model).expect("still there") == before);
+}
+
+#[test]
+fn every_command_explains_itself() {
+    assert!(said(&["--help"]).contains("pliant demo"));
+    for command in ["demo", "info", "cage", "edit", "sweep"] {
+        let help = said(&[command, "--help"]);
+        assert!(help.contains("--json"), "{command}");
+    }
+}
