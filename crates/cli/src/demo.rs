@@ -96,20 +96,19 @@ fn draw(out: &Path, meshes: &[(&str, &TriMesh)], console: &Console) -> Result<Ve
     let points: Vec<_> = meshes.iter().flat_map(|(_, mesh)| [mesh.bounds().min, mesh.bounds().max]).collect();
     let framing = Some(Bounds::of(&points));
     let work = |_: &dyn pliant::Progress| -> Result<Vec<PathBuf>> {
-        let mut pictures = Vec::new();
+        let mut small = Vec::new();
         let mut paths = Vec::new();
         for (name, mesh) in meshes {
             let options = PictureOptions { wireframe: name.starts_with("cage"), framing, ..PictureOptions::default() };
-            let picture = render(mesh, &options)?;
             paths.push(out.join(format!("{name}.png")));
-            write_png(&paths[paths.len() - 1], &picture)?;
-            pictures.push(picture);
+            write_png(&paths[paths.len() - 1], &render(mesh, &options)?)?;
+            small.push(render(mesh, &PictureOptions { width: 640, height: 480, ..options })?);
         }
         // Shape before, cage before, cage after, shape after: the way an edit takes.
-        let order: Vec<Picture> = [0, 2, 3, 1].map(|i| pictures[i].clone()).into();
+        let order: Vec<Picture> = [0, 2, 3, 1].map(|i| small[i].clone()).into();
         let background = PictureOptions::default().background;
         paths.push(out.join("demo.png"));
-        write_png(&paths[paths.len() - 1], &strip(&trim_alike(&order, 20, background), 0, background))?;
+        write_png(&paths[paths.len() - 1], &strip(&trim_alike(&order, 10, background), 0, background))?;
         Ok(paths)
     };
     let (paths, _) =

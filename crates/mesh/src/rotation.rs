@@ -170,7 +170,7 @@ fn rotate(k: &mut [[f64; 4]; 4], vectors: &mut [[f64; 4]; 4], p: usize, q: usize
 }
 
 /// `target * rest^T`, the outer product that covariances are summed from.
-pub(crate) fn outer(target: DVec3, rest: DVec3) -> DMat3 {
+pub fn outer(target: DVec3, rest: DVec3) -> DMat3 {
     DMat3::from_cols(target * rest.x, target * rest.y, target * rest.z)
 }
 

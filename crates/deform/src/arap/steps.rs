@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use pliant_linalg::{Cholesky, LinalgError};
-use pliant_mesh::best_rotation;
+use pliant_mesh::{best_rotation, outer};
 use rayon::prelude::*;
 
 use super::cells::{Cells, NONE};
@@ -22,11 +22,6 @@ pub(super) struct Spring {
     pub(super) stiffness: f64,
     /// How much its goal counts where a hard one counts 1.
     pub(super) grip: f64,
-}
-
-/// `target * rest^T`.
-fn outer(target: DVec3, rest: DVec3) -> DMat3 {
-    DMat3::from_cols(target * rest.x, target * rest.y, target * rest.z)
 }
 
 /// The local step: for each cell the rotation that best takes its rest edges to those of `pose`.
