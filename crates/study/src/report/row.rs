@@ -88,7 +88,7 @@ pub struct SweepRow {
     /// Time to assemble and factor the solver's matrix for these handles.
     #[serde(with = "null_is_nan")]
     pub prepare_ms: f64,
-    /// Time to solve on the cage, one step (the median over the steps).
+    /// Time to solve on the cage: of one step (the median over the steps), or of all steps together when it ran until it converged.
     #[serde(with = "null_is_nan")]
     pub drag_ms: f64,
     /// Time to carry one step's result to the shape (the median over the steps).
@@ -105,7 +105,7 @@ impl SweepRow {
         self.cage_asked == NO_CAGE
     }
 
-    /// Time from a moved handle to the moved shape: one step's solve and propagation.
+    /// Time from a moved handle to the moved shape: solve and propagation.
     pub fn edit_ms(&self) -> f64 {
         self.drag_ms + self.propagate_ms
     }
