@@ -1,6 +1,6 @@
 //! The stages of an edit, each by itself, on the creature with default options unless named otherwise.
 //!
-//! `cargo bench --bench stages` runs all (about two minutes on two cores), `cargo bench --bench stages -- apply` those whose
+//! `cargo bench --bench stages` runs all (about a minute on two cores), `cargo bench --bench stages -- apply` those whose
 //! name contains `apply`. Under `cargo test` each runs once, on small meshes.
 //!
 //! Times depend on the machine and on what else it does. What means something are ratios within one run: two sizes of
@@ -73,9 +73,9 @@ impl Models {
 
 /// Simplification to 5 %, in collapses a second.
 ///
-/// Sequential. A collapse evaluates the quadrics of some 60 edges (30 flops each, twice) and moves 7 queue entries: the
-/// few thousand flops are little beside reading that many scattered quadrics (88 bytes) and fans. What limits it is
-/// the latency of the cache they fit in, so it gets slower per collapse as shapes outgrow each level.
+/// Sequential. A collapse evaluates the quadrics of some 60 edges (30 flops each, twice) and moves some nine queue entries: the
+/// few thousand flops are little beside reading that many scattered quadrics (88 bytes each) and fans. What limits it is
+/// the latency of the cache they fit in, so a collapse takes longer as shapes outgrow each level.
 fn simplify_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("simplify");
     for (name, shape) in [("25K to 5 %", &models.shape_25k), ("100K to 5 %", &models.shape_100k)] {
@@ -91,8 +91,8 @@ fn simplify_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
 ///
 /// Parallel over rows. `smooth` is a search for the 25 nearest cage vertices, bound by the latency of the tree (5,000
 /// points, so in the second-level cache). `local` adds a search for the nearest face and the mean value weights of some
-/// 60 faces, three arctangents and six square roots each: bound by arithmetic. `magnitude` has to do the latter for every
-/// face of the cage, so its ratio to `local` on one pair grows with the cage.
+/// 60 faces, three arctangents each: bound by arithmetic. `magnitude` does that for every face of the cage, though only
+/// one arctangent an edge, so its ratio to `local` on one pair grows with the cage.
 fn bind_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("bind");
     let (local, smooth, paper) = (Prune::Local { neighbours: 24 }, Prune::Smooth { neighbours: 24 }, Prune::PAPER);
@@ -114,9 +114,9 @@ fn bind_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
 
 /// Assembly and factorisation after a change of handles, in unknowns a second.
 ///
-/// Sequential. A sparse Cholesky factor with nested dissection order holds `O(n log n)` numbers and takes `O(n^1.5)` flops, in
-/// dense blocks near the arithmetic limit; at these sizes ordering, symbolic analysis and assembly, bound by scattered memory, are
-/// still most of it. Four times the vertices should take a little more than four times as long.
+/// Sequential. Fill-reducing order, symbolic factor and assembly chase scattered indices, bound by latency; the numbers of
+/// the factor are made in small dense blocks, bound by arithmetic, and their flops grow faster than the unknowns (`n^1.5`
+/// on a surface at best). At these sizes the former is most of it, so time should grow little faster than the unknowns.
 fn prepare_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("prepare");
     for (name, mesh) in [("5K cage", &models.cage_5k), ("20K shape", &models.shape_20k)] {
@@ -132,10 +132,10 @@ fn prepare_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
 
 /// One step of a drag, two iterations from the last pose, in unknowns a second.
 ///
-/// A solve does three local steps (the initial guess takes one too), parallel and bound by arithmetic: a best rotation is a few
-/// hundred dependent flops. Its three global steps read the factor twice each (12 bytes or so per number, sequential): a
-/// factor larger than the cache makes them bound by memory. The 5K cage and the direct 25K should differ by more than
-/// the ratio of their unknowns.
+/// A solve does three local and three global steps, as the initial guess takes one of each. A local step is parallel and
+/// bound by arithmetic: a best rotation is a few hundred dependent flops. A global step is sequential and reads the factor
+/// twice, 8 to 12 bytes a number; it has some 16 numbers an unknown for the cage and 44 for the shape, which outgrow the
+/// near cache. So unknowns a second fall from the one to the other.
 fn solve_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("solve");
     for (name, mesh) in [("5K cage", &models.cage_5k), ("25K direct", &models.shape_25k)] {
@@ -149,10 +149,11 @@ fn solve_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
 
 /// Propagation, in bytes a second, and a parallel copy of as many bytes.
 ///
-/// The bytes are what has to move once: each row's offset, indices and weights, the shape's positions written and, for frames, read at rest.
-/// The copy reads half of them and writes the other half. Poses, frames and moves of the 5,000 cage vertices stay in the
-/// cache and are not counted. So the ratio of throughputs says how near a propagation is to memory speed;
-/// positions could get there, frames do 24 flops a weight and fit a rotation per cage vertex first, which is timed alone.
+/// The bytes are what has to move once: each row's offset, indices and weights, the shape's positions written and, for
+/// frames, read at rest. The copy reads half of them and writes the other half. What belongs to the 5,000 cage vertices is
+/// small enough to stay in a near cache and is not counted. So the ratio of throughputs says how near a propagation is to
+/// the limit, the memory (or a last cache that holds these 11 to 14 MB, for both alike). Positions do 9 flops a weight;
+/// frames do 27, and first fit a rotation to each cage vertex, which is timed alone.
 fn apply_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let (shape, cage) = (&models.shape_100k, &models.cage_5k);
     let binding = Binding::new(shape, cage, &Prune::default().into(), &Silent)?;
