@@ -1,0 +1,232 @@
+//! The stages of an edit, each by itself, on the creature with default options unless named otherwise.
+//!
+//! `cargo bench --bench stages` runs all (about a minute on two cores), `cargo bench --bench stages -- apply` those whose
+//! name contains `apply`. Under `cargo test` each runs once, on small meshes.
+//!
+//! Times depend on the machine and on what else it does. What means something are ratios within one run: two sizes of
+//! one stage (is it linear?), two rules of one pair, a propagation and the copy beside it (how far from the
+//! memory's limit?). Each group says what limits its hot loop.
+
+use std::error::Error;
+use std::hint::black_box;
+use std::time::Duration;
+
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput};
+use pliant::glam::DVec3;
+use pliant::{
+    Binding, CageSize, Deformer, FrameFit, Frames, Goals, Handle, Method, Propagation, Propagator, Prune, Region,
+    ResolvedScene, Scene, Silent, TriMesh, VertexSet, creature, simplify,
+};
+use rayon::prelude::*;
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+fn main() -> Outcome {
+    let mut criterion = Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(500))
+        .measurement_time(Duration::from_millis(1500))
+        .configure_from_args();
+    let models = Models::new(if is_measured() { 1 } else { 10 })?;
+    simplify_stage(&mut criterion, &models)?;
+    bind_stage(&mut criterion, &models)?;
+    prepare_stage(&mut criterion, &models)?;
+    solve_stage(&mut criterion, &models)?;
+    apply_stage(&mut criterion, &models)?;
+    criterion.final_summary();
+    Ok(())
+}
+
+/// Whether cargo wants times, by the same rule as criterion's: otherwise everything only has to work.
+fn is_measured() -> bool {
+    let has = |flag: &str| std::env::args().any(|a| a == flag);
+    has("--bench") && !has("--test")
+}
+
+/// The meshes that stages share. Names in reports are the sizes of a measured run.
+struct Models {
+    shape_20k: TriMesh,
+    shape_25k: TriMesh,
+    shape_100k: TriMesh,
+    /// 5 % of the largest shape.
+    cage_5k: TriMesh,
+    /// A pair small enough for rules that look at every cage face for every vertex: 5,000 and 250 vertices.
+    small: (TriMesh, TriMesh),
+}
+
+impl Models {
+    /// All meshes, with a `share`-th of their vertices.
+    fn new(share: usize) -> Result<Self, Box<dyn Error>> {
+        let shape_100k = creature(100_000 / share)?;
+        let small = creature((5_000 / share).max(2_000))?;
+        let cage = |shape: &TriMesh| simplify(shape, &CageSize::Fraction(0.05).into(), &Silent).map(|made| made.mesh);
+        Ok(Self {
+            shape_20k: creature(20_000 / share)?,
+            shape_25k: creature(25_000 / share)?,
+            cage_5k: cage(&shape_100k)?,
+            small: (small.clone(), cage(&small)?),
+            shape_100k,
+        })
+    }
+}
+
+/// Simplification to 5 %, in collapses a second.
+///
+/// Sequential. A collapse evaluates the quadrics of some 60 edges (30 flops each, twice) and moves some nine queue entries: the
+/// few thousand flops are little beside reading that many scattered quadrics (88 bytes each) and fans. What limits it is
+/// the latency of the cache they fit in, so a collapse takes longer as shapes outgrow each level.
+fn simplify_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
+    let mut group = criterion.benchmark_group("simplify");
+    for (name, shape) in [("25K to 5 %", &models.shape_25k), ("100K to 5 %", &models.shape_100k)] {
+        let options = CageSize::Fraction(0.05).into();
+        group.throughput(Throughput::Elements((shape.vertex_count() as f64 * 0.95) as u64));
+        group.bench_function(name, |b| b.iter(|| simplify(shape, &options, &Silent).expect("the shape has faces")));
+    }
+    group.finish();
+    Ok(())
+}
+
+/// Binding, in rows a second.
+///
+/// Parallel over rows. `smooth` is a search for the 25 nearest cage vertices, bound by the latency of the tree (5,000
+/// points, so in the second-level cache). `local` adds a search for the nearest face and the mean value weights of some
+/// 60 faces, three arctangents each: bound by arithmetic. `magnitude` does that for every face of the cage, though only
+/// one arctangent an edge, so its ratio to `local` on one pair grows with the cage.
+fn bind_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
+    let mut group = criterion.benchmark_group("bind");
+    let (local, smooth, paper) = (Prune::Local { neighbours: 24 }, Prune::Smooth { neighbours: 24 }, Prune::PAPER);
+    let large = (&models.shape_100k, &models.cage_5k);
+    let small = (&models.small.0, &models.small.1);
+    let pairs = [("100K to 5K", large, &[local, smooth][..]), ("5K to 250", small, &[local, smooth, paper][..])];
+    for (name, (shape, cage), rules) in pairs {
+        group.throughput(Throughput::Elements(shape.vertex_count() as u64));
+        for rule in rules {
+            let options = (*rule).into();
+            group.bench_function(BenchmarkId::new(rule.to_string(), name), |b| {
+                b.iter(|| Binding::new(shape, cage, &options, &Silent).expect("the cage has faces"));
+            });
+        }
+    }
+    group.finish();
+    Ok(())
+}
+
+/// Assembly and factorisation after a change of handles, in unknowns a second.
+///
+/// Sequential. Fill-reducing order, symbolic factor and assembly chase scattered indices, bound by latency; the numbers of
+/// the factor are made in small dense blocks, bound by arithmetic, and their flops grow faster than the unknowns (`n^1.5`
+/// on a surface at best). At these sizes the former is most of it, so time should grow little faster than the unknowns.
+fn prepare_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
+    let mut group = criterion.benchmark_group("prepare");
+    for (name, mesh) in [("5K cage", &models.cage_5k), ("20K shape", &models.shape_20k)] {
+        let (_, region) = edit(mesh)?;
+        let method = Method::default();
+        let unknowns = method.prepare(mesh, &region)?.prepared().unknowns;
+        group.throughput(Throughput::Elements(unknowns as u64));
+        group.bench_function(name, |b| b.iter(|| method.prepare(mesh, &region).expect("prepared before")));
+    }
+    group.finish();
+    Ok(())
+}
+
+/// One step of a drag, two iterations from the last pose, in unknowns a second.
+///
+/// A solve does three local and three global steps, as the initial guess takes one of each. A local step is parallel and
+/// bound by arithmetic: a best rotation is a few hundred dependent flops. A global step is sequential and reads the factor
+/// twice, 8 to 12 bytes a number; it has some 16 numbers an unknown for the cage and 44 for the shape, which outgrow the
+/// near cache. So unknowns a second fall from the one to the other.
+fn solve_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
+    let mut group = criterion.benchmark_group("solve");
+    for (name, mesh) in [("5K cage", &models.cage_5k), ("25K direct", &models.shape_25k)] {
+        let mut drag = Drag::new(mesh)?;
+        group.throughput(Throughput::Elements(drag.deformer.prepared().unknowns as u64));
+        group.bench_function(name, |b| b.iter(|| drag.step()));
+    }
+    group.finish();
+    Ok(())
+}
+
+/// Propagation, in bytes a second, and a parallel copy of as many bytes.
+///
+/// The bytes are what has to move once: each row's offset, indices and weights, the shape's positions written and, for
+/// frames, read at rest. The copy reads half of them and writes the other half. What belongs to the 5,000 cage vertices is
+/// small enough to stay in a near cache and is not counted. So the ratio of throughputs says how near a propagation is to
+/// the limit, the memory (or a last cache that holds these 11 to 14 MB, for both alike). Positions do 9 flops a weight;
+/// frames do 27, and first fit a rotation to each cage vertex, which is timed alone.
+fn apply_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
+    let (shape, cage) = (&models.shape_100k, &models.cage_5k);
+    let binding = Binding::new(shape, cage, &Prune::default().into(), &Silent)?;
+    let mut drag = Drag::new(cage)?;
+    drag.step();
+    let rows = binding.shape_vertex_count();
+    let kept: usize = (0..rows).map(|i| binding.row(i).0.len()).sum();
+    let position = size_of::<DVec3>();
+    let row_bytes = rows * size_of::<u32>() + kept * (size_of::<u32>() + size_of::<f32>());
+
+    let mut group = criterion.benchmark_group("apply 100K rows");
+    for (propagation, positions_moved) in [(Propagation::Positions, 1), (Propagation::Frames, 2)] {
+        let bytes = row_bytes + positions_moved * rows * position;
+        group.throughput(Throughput::Bytes(bytes as u64));
+        let mut propagator = Propagator::new(propagation);
+        let mut pose = shape.positions.clone();
+        group.bench_function(propagation.to_string(), |b| {
+            b.iter(|| propagator.apply(&binding, &drag.pose, black_box(&mut pose)));
+        });
+        copy(&mut group, &format!("{propagation}, plain copy"), bytes);
+    }
+    let mut frames = Frames::default();
+    group.throughput(Throughput::Elements(cage.vertex_count() as u64));
+    group.bench_function("frames, fitting 5K only", |b| {
+        b.iter(|| frames.fit(cage.topology(), &cage.positions, black_box(&drag.pose), FrameFit::Rotation));
+    });
+    group.finish();
+    Ok(())
+}
+
+/// Moves `bytes` in all: half of them read, half written, by all threads.
+fn copy(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, bytes: usize) {
+    const CHUNK: usize = 1 << 15;
+    let from = vec![1.0; bytes / 2 / size_of::<f64>()];
+    let mut to = vec![0.0; from.len()];
+    group.bench_function(name, |b| {
+        b.iter(|| {
+            let chunks = to.par_chunks_mut(CHUNK).zip(black_box(&from).par_chunks(CHUNK));
+            chunks.for_each(|(to, from)| to.copy_from_slice(from));
+            black_box(&mut to);
+        });
+    });
+}
+
+/// The creature's scene on a mesh of it, of any size.
+fn edit(mesh: &TriMesh) -> Result<(ResolvedScene, Region), Box<dyn Error>> {
+    let scene = Scene::builtin("creature")?.resolve(mesh)?;
+    let handles: Vec<Handle> = scene.handles.iter().map(|h| Handle::hard(h.vertices.clone())).collect();
+    let region = Region::new(mesh.vertex_count(), &VertexSet::all(mesh.vertex_count()), &handles)?;
+    Ok((scene, region))
+}
+
+/// Handles in the middle of a drag of 20 steps, going back and forth by one step.
+struct Drag {
+    deformer: Box<dyn Deformer>,
+    goals: [Goals; 2],
+    pose: Vec<DVec3>,
+}
+
+impl Drag {
+    fn new(mesh: &TriMesh) -> Result<Self, Box<dyn Error>> {
+        let (scene, region) = edit(mesh)?;
+        let goals = |step: u32| Goals::new(scene.goals(f64::from(step) / 20.0));
+        let mut deformer = Method::default().prepare(mesh, &region)?;
+        let mut pose = mesh.positions.clone();
+        for step in 1..=10 {
+            deformer.solve(&goals(step), &mut pose)?;
+        }
+        Ok(Self { deformer, goals: [goals(11), goals(10)], pose })
+    }
+
+    fn step(&mut self) {
+        self.deformer.solve(&self.goals[0], &mut self.pose).expect("solved before");
+        self.goals.swap(0, 1);
+    }
+}
