@@ -48,8 +48,8 @@ impl FaceTree {
 
     /// The nearest face and its distance; one of them where several are equally near, `None` without faces. `O(log n)`.
     pub fn nearest(&self, point: DVec3) -> Option<(u32, f64)> {
-        let face = self.0.nearest_neighbor(point.to_array())?;
-        Some((face.1, face.distance_2(&point.to_array()).sqrt()))
+        let (face, square) = self.0.nearest_neighbor_iter_with_distance_2(point.to_array()).next()?;
+        Some((face.1, square.sqrt()))
     }
 }
 
