@@ -47,8 +47,8 @@ impl Binding {
     ///
     /// The cage may be any triangle mesh with a face; it need not enclose the shape nor be closed, though open cages
     /// lose the linear precision of mean value coordinates ([`BindReport::cage_open_edges`]).
-    /// [`Prune::Local`] costs about 10 us a shape vertex; [`Prune::None`] and [`Prune::Magnitude`] look at every cage face for
-    /// every shape vertex (about 70 ns each).
+    /// [`Prune::Local`] costs about 15 us a shape vertex; [`Prune::None`] and [`Prune::Magnitude`] look at every cage face for
+    /// every shape vertex (about 60 ns each).
     ///
     /// # Errors
     /// A cage without faces, a prune rule out of range, or more weights than 32-bit offsets can number.

@@ -73,7 +73,7 @@ impl MeanValue {
     ///
     /// At a cage vertex this is 1 for that vertex; on a face, its barycentric coordinates. Inside and outside alike
     /// `sum row[j] * cage[j] = point`, if the cage is closed. Returns `false`, and leaves `row` without meaning,
-    /// where the weights cancel and no coordinates exist. Linear in the number of faces, about 40 ns each.
+    /// where the weights cancel and no coordinates exist. Linear in the number of faces, about 60 ns each.
     ///
     /// # Panics
     /// If `row` has not one entry per cage vertex.

@@ -88,7 +88,7 @@ impl BindReport {
             let cause = if self.cage_open_edges > 0 {
                 format!("the cage is open ({} edges with one face)", self.cage_open_edges)
             } else {
-                "the cage folds over itself".to_owned()
+                "the cage folds over itself, or vertices lie many diagonals away from it".to_owned()
             };
             warnings.push(format!(
                 "{cause}: mean value coordinates are off by up to {:.2e} of the diagonal at rest; propagation by frames is not affected",

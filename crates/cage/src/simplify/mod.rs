@@ -85,9 +85,12 @@ impl SimplifyReport {
         let mut warnings = Vec::new();
         if let Some(asked) = self.asked.filter(|&asked| self.reached > asked) {
             warnings.push(format!(
-                "a cage of {asked} vertices was asked for and {} reached: what is left cannot be collapsed without changing the topology or turning faces over",
+                "a cage of {asked} vertices was asked for and {} reached: what is left cannot be collapsed without changing the topology, turning faces over or flattening them",
                 self.reached
             ));
+        }
+        if let Some(asked) = self.asked.filter(|&asked| self.reached < asked) {
+            warnings.push(format!("a cage of {asked} vertices was asked for, but the shape has only {}", self.reached));
         }
         if self.locked > 0 {
             warnings.push(format!("{} vertices at non-manifold places were kept as they are", self.locked));
@@ -122,7 +125,7 @@ const GOOD_QUALITY: f64 = 0.2;
 ///
 /// Keeps what the shape is: manifold where it was manifold, the same Euler characteristic, boundaries, components. Vertices
 /// at non-manifold places stay. Works on open shapes and on several components. Ties are broken by vertex
-/// number, so the result is the same on every run. `O(n log n)`; about three microseconds per collapse.
+/// number, so the result is the same on every run. `O(n log n)`; about 7 us a collapse.
 ///
 /// No face is turned over to reach a size: the cage then stays larger, as the report says. Only when no more than four
 /// vertices per component are asked for, the smallest cage there is, does the last stretch give up normals to get there:
