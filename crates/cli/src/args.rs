@@ -40,8 +40,8 @@ pub(crate) struct DemoOptions {
     #[arg(short, long, value_name = "FOLDER", default_value = "out")]
     pub(crate) out: PathBuf,
     /// Vertices of the creature, 2,000 to 1,000,000.
-    #[arg(long, value_name = "N", default_value_t = 100_000)]
-    pub(crate) vertices: usize,
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(2000..=1_000_000))]
+    pub(crate) vertices: u32,
     /// Print one JSON object instead of text (progress still goes to standard error on a terminal).
     #[arg(long)]
     pub(crate) json: bool,
@@ -102,8 +102,9 @@ pub(crate) struct EditOptions {
     #[arg(long, default_value_t)]
     pub(crate) propagation: Propagation,
     /// Which weights are kept: local:NEIGHBOURS, smooth:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03) or none.
-    #[arg(long, default_value_t)]
-    pub(crate) prune: Prune,
+    /// Default: local:24 with frames, magnitude:0.03 with positions, which need its precision.
+    #[arg(long)]
+    pub(crate) prune: Option<Prune>,
     /// Iterations of the solver in each step: a number, or converged.
     #[arg(long, value_name = "N", default_value = "converged")]
     pub(crate) iterations: Iterations,

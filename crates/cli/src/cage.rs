@@ -36,7 +36,7 @@ pub(crate) fn run(options: &CageOptions) -> Result<()> {
     can_write_mesh(&options.output)?;
     let console = Console::new(options.json);
     let model = Model::open(&options.model, &console)?;
-    model.check_output(&options.output)?;
+    model.check_outputs([options.output.as_path()], None)?;
     let shape = &model.mesh;
     let (cage, _) = timed(
         &console,

@@ -1,7 +1,7 @@
 //! Stages on the terminal: a line with time and size for each, a progress bar for those over a second.
 
-use std::io::Write;
-use std::sync::Mutex;
+use std::io::{IsTerminal, Write};
+use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -20,35 +20,43 @@ pub(crate) struct StageTime {
 pub(crate) struct Console {
     /// Whether lines are printed; they are not beside `--json`.
     lines: bool,
-    bar: ProgressBar,
-    /// When the stage at hand began.
-    began: Mutex<Option<(Instant, String)>>,
+    running: Arc<Mutex<Running>>,
     ended: Mutex<Vec<StageTime>>,
+}
+
+/// The stage at hand.
+struct Running {
+    stage: Option<(Instant, String)>,
+    bar: ProgressBar,
 }
 
 /// Stages that end sooner show no bar.
 const BAR_AFTER: Duration = Duration::from_secs(1);
 
+/// What a stage shows that does not know how far it is, and one that does.
+const SPINNER: &str = "  {msg:<24} {spinner} {elapsed}";
+const BAR: &str = "  {msg:<24} [{bar:30}] {percent:>3} %  {eta} left";
+
 impl Console {
     pub(crate) fn new(json: bool) -> Self {
-        // Standard error, and only if it is a terminal: indicatif draws nothing elsewhere.
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
-        let style = ProgressStyle::with_template("  {msg:<24} [{bar:30}] {percent:>3} %  {eta} left");
-        if let Ok(style) = style {
-            bar.set_style(style.progress_chars("=> "));
+        let running = Arc::new(Mutex::new(Running { stage: None, bar }));
+        // Bars go to standard error, and only if it is a terminal.
+        if std::io::stderr().is_terminal() {
+            let watched = Arc::downgrade(&running);
+            std::thread::spawn(move || watch(&watched));
         }
-        Self { lines: !json, bar, began: Mutex::new(None), ended: Mutex::new(Vec::new()) }
+        Self { lines: !json, running, ended: Mutex::new(Vec::new()) }
     }
 
     /// Prints a line, unless JSON was asked for.
     pub(crate) fn say(&self, line: &str) -> std::io::Result<()> {
-        if self.lines { writeln!(std::io::stdout().lock(), "{line}") } else { Ok(()) }
+        if self.lines { writeln!(std::io::stdout().lock(), "{}", visible(line)) } else { Ok(()) }
     }
 
     /// Prints a warning to standard error.
     pub(crate) fn warn(&self, warning: &str) {
-        // Nobody to tell when standard error is gone.
-        let _ = writeln!(std::io::stderr().lock(), "warning: {warning}");
+        complain(&format!("warning: {warning}"));
     }
 
     /// The stages so far.
@@ -57,37 +65,59 @@ impl Console {
     }
 }
 
+/// Shows the stage at hand once it has lasted, until the console is gone.
+fn watch(running: &Weak<Mutex<Running>>) {
+    while let Some(running) = running.upgrade() {
+        if let Ok(running) = running.lock()
+            && let Some((start, stage)) = &running.stage
+            && start.elapsed() >= BAR_AFTER
+        {
+            if running.bar.is_hidden() {
+                running.bar.set_draw_target(ProgressDrawTarget::stderr());
+                running.bar.set_message(stage.clone());
+            }
+            running.bar.tick();
+        }
+        drop(running);
+        std::thread::sleep(BAR_AFTER / 5);
+    }
+}
+
 impl Progress for Console {
     fn advance(&self, done: usize, total: usize) {
-        let Ok(began) = self.began.lock() else { return };
-        let Some((start, stage)) = began.as_ref() else { return };
-        if start.elapsed() < BAR_AFTER {
-            return;
+        let Ok(running) = self.running.lock() else { return };
+        if running.bar.length() != Some(total as u64) {
+            set_style(&running.bar, BAR);
+            running.bar.set_length(total as u64);
         }
-        if self.bar.is_hidden() {
-            self.bar.set_draw_target(ProgressDrawTarget::stderr());
-            self.bar.set_message(stage.clone());
-        }
-        self.bar.set_length(total as u64);
         // Reports of several threads may arrive out of order: never go back.
-        self.bar.set_position(self.bar.position().max(done as u64));
+        running.bar.set_position(running.bar.position().max(done as u64));
+    }
+}
+
+fn set_style(bar: &ProgressBar, template: &str) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style.progress_chars("=> "));
     }
 }
 
 impl Stages for Console {
     fn begin(&self, stage: &str) {
-        if let Ok(mut began) = self.began.lock() {
-            *began = Some((Instant::now(), stage.to_owned()));
-        }
-        self.bar.reset();
+        let Ok(mut running) = self.running.lock() else { return };
+        running.bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
+        set_style(&running.bar, SPINNER);
+        running.stage = Some((Instant::now(), stage.to_owned()));
     }
 
     fn end(&self, stage: &str, time: Duration, result: &str) {
-        self.bar.finish_and_clear();
-        self.bar.set_draw_target(ProgressDrawTarget::hidden());
+        if let Ok(mut running) = self.running.lock() {
+            running.stage = None;
+            running.bar.finish_and_clear();
+        }
         if self.lines {
             // A closed pipe is noticed when the result is printed.
-            let _ = writeln!(std::io::stdout().lock(), "  {stage:<24} {:>10}   {result}", duration(time));
+            let line = visible(&format!("  {stage:<24} {:>10}   {result}", duration(time)));
+            let _ = writeln!(std::io::stdout().lock(), "{line}");
         }
         if let Ok(mut ended) = self.ended.lock() {
             ended.push(StageTime {
@@ -113,6 +143,17 @@ fn duration(time: Duration) -> String {
     } else {
         format!("{seconds:.2} s")
     }
+}
+
+/// Writes a line to standard error.
+pub(crate) fn complain(line: &str) {
+    // Nobody to tell when standard error is gone.
+    let _ = writeln!(std::io::stderr().lock(), "{}", visible(line));
+}
+
+/// Text without control characters: names come from files, and could tell a terminal to do anything.
+fn visible(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() && c != '\n' { char::REPLACEMENT_CHARACTER } else { c }).collect()
 }
 
 /// Prints a value as JSON to standard output.

@@ -1,6 +1,7 @@
 use anyhow::Result;
 use pliant::{
-    ArapOptions, PictureOptions, Schedule, Study, SweepRow, can_write, can_write_mesh, render, timed, write, write_png,
+    ArapOptions, PictureOptions, Propagation, Prune, Schedule, Study, SweepRow, can_write, can_write_mesh, render,
+    timed, write, write_png,
 };
 use serde::Serialize;
 
@@ -13,6 +14,8 @@ use crate::model::Model;
 struct EditResult<'a> {
     #[serde(flatten)]
     row: &'a SweepRow,
+    /// Repairs made while reading.
+    notes: Vec<String>,
     output: String,
     picture: Option<String>,
     stages: Vec<StageTime>,
@@ -25,12 +28,17 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
     }
     let console = Console::new(options.json);
     let model = Model::open(&options.model, &console)?;
-    model.check_output(&options.output)?;
+    let outputs = std::iter::once(options.output.as_path()).chain(options.picture.as_deref());
+    model.check_outputs(outputs, options.scene.as_deref())?;
     let scene = model.scene(options.scene.as_deref())?;
 
     let study = Study::new(model.name.clone(), &model.mesh, &scene)?;
     let caged = study.cage(options.cage, &console)?;
-    let bound = study.bind(&caged, options.prune, &console)?;
+    let prune = options.prune.unwrap_or(match options.propagation {
+        Propagation::Frames => Prune::default(),
+        Propagation::Positions => Prune::PAPER,
+    });
+    let bound = study.bind(&caged, prune, &console)?;
     let schedule = Schedule { steps: options.steps as usize, iterations: options.iterations };
     let method = options.arap.method(&ArapOptions::default());
     let dragged = study.drag(&caged, &method, schedule, &console)?;
@@ -46,7 +54,7 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
     let picture = options.picture.as_ref().map(|p| p.display().to_string());
     if options.json {
         let output = options.output.display().to_string();
-        return print_json(&EditResult { row: &row, output, picture, stages: console.stages() });
+        return print_json(&EditResult { row: &row, notes: model.notes(), output, picture, stages: console.stages() });
     }
     console.say(&format!("scene {}: {}", scene.name, handle_list(&study)))?;
     console.say(&format!(
@@ -55,6 +63,7 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
         1e2 * row.relative_rms,
         1e2 * row.edge_p99
     ))?;
+    console.say(&format!("handles are met to {:.2} % of the diagonal", 1e2 * row.handle_error_max))?;
     for warning in model.notes().iter().chain(&row.warnings) {
         console.warn(warning);
     }

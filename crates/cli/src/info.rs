@@ -95,7 +95,10 @@ impl Info {
         console.say(&format!("  {surface}; Euler characteristic {}{genus}", self.euler_characteristic))?;
         match &self.not_manifold {
             None => console.say("  manifold")?,
-            Some(why) => console.say(&format!("  {why} ({} such edges)", count(self.non_manifold_edges)))?,
+            Some(why) if self.non_manifold_edges > 0 => {
+                console.say(&format!("  {why} ({} such edges)", count(self.non_manifold_edges)))?;
+            }
+            Some(why) => console.say(&format!("  {why}"))?,
         }
         if !self.consistently_oriented {
             console.say("  faces are not consistently oriented")?;

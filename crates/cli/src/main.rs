@@ -29,10 +29,18 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("pliant: {error:#}");
+            console::complain(&message(&error));
             ExitCode::FAILURE
         }
     }
+}
+
+/// The error and its causes, each said once: many of the library's messages end with their cause already.
+fn message(error: &anyhow::Error) -> String {
+    error.chain().skip(1).fold(format!("pliant: {error}"), |text, cause| {
+        let cause = cause.to_string();
+        if text.contains(&cause) { text } else { format!("{text}: {cause}") }
+    })
 }
 
 /// Whether the reader of our output has gone (`pliant ... | head`), which is no fault of ours.

@@ -57,16 +57,25 @@ impl Model {
         notes
     }
 
-    /// Diagonal of the bounding box, in units of the model.
+    /// Bounding box, in units of the model.
     pub(crate) fn bounds(&self) -> Bounds {
         self.mesh.bounds()
     }
 
-    /// Refuses to write over the model's own file, by whatever name.
-    pub(crate) fn check_output(&self, output: &Path) -> Result<()> {
+    /// Refuses to write over the model's own file or the scene's, by whatever name.
+    pub(crate) fn check_outputs<'a>(
+        &self,
+        outputs: impl IntoIterator<Item = &'a Path>,
+        scene: Option<&str>,
+    ) -> Result<()> {
         let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-        if self.path.as_deref().is_some_and(|input| same(input, output)) {
-            bail!("{}: this is the model itself; write to another file", output.display());
+        let inputs = [(self.path.as_deref(), "the model"), (scene.map(Path::new), "the scene")];
+        for output in outputs {
+            for (input, what) in inputs {
+                if input.is_some_and(|input| same(input, output)) {
+                    bail!("{}: this is {what} itself; write to another file", output.display());
+                }
+            }
         }
         Ok(())
     }

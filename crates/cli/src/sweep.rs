@@ -18,6 +18,10 @@ pub(crate) fn run(options: &SweepOptions) -> Result<()> {
     }
     let console = Console::new(options.json);
     let model = Model::open(&options.model, &console)?;
+    if let Some(prefix) = &options.output {
+        let outputs = files(prefix).map(|(path, _)| path);
+        model.check_outputs(outputs.iter().map(PathBuf::as_path), options.scene.as_deref())?;
+    }
     let (scene, plan, mut notes) = plan(options, &model)?;
     let mut report = sweep(&model.name, &model.mesh, &scene, &plan, &console as &dyn Stages)?;
     notes.extend(model.notes());

@@ -85,6 +85,10 @@ impl Target {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
             _ => PathBuf::from("."),
         };
+        if !folder.is_dir() {
+            let reason = format!("the folder {} does not exist", folder.display());
+            return Err(IoError::Refused { path: path.to_owned(), reason });
+        }
         Ok(Self { path: target, folder, permissions })
     }
 

@@ -71,9 +71,19 @@ impl TriMesh {
         self.triangles()[face].map(|v| self.positions[v as usize])
     }
 
-    /// Bounding box of all vertices.
+    /// Bounding box of the surface: of the vertices that faces use, or of all where there is no face.
+    ///
+    /// A stray vertex that no face uses thus changes no scale and no scene.
     pub fn bounds(&self) -> Bounds {
-        Bounds::of(&self.positions)
+        let used = |v: &usize| !self.topology.vertex_faces(*v).is_empty();
+        let Some(first) = (0..self.vertex_count()).find(used) else {
+            return Bounds::of(&self.positions);
+        };
+        let start = Bounds { min: self.positions[first], max: self.positions[first] };
+        (first..self.vertex_count()).filter(used).fold(start, |box_, v| Bounds {
+            min: box_.min.min(self.positions[v]),
+            max: box_.max.max(self.positions[v]),
+        })
     }
 
     /// Signed volume: positive for a closed mesh whose faces are counter-clockwise seen from outside.

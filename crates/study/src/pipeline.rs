@@ -186,7 +186,10 @@ impl<'a> Study<'a> {
             format!("{} of {} vertices", count(made.report.reached), count(self.shape.vertex_count()))
         };
         let (Simplified { mesh, origin, report }, simplify_ms) = timed(stages, "simplify", work, describe)?;
-        let (region, mut warnings) = self.region(&mesh, Some(&origin))?;
+        // With nothing collapsed the cage is the shape itself, vertices without faces included.
+        let whole = report.reached + report.unused == self.shape.vertex_count();
+        let (mesh, origin) = if whole { (self.shape.clone(), None) } else { (mesh, Some(&origin[..])) };
+        let (region, mut warnings) = self.region(&mesh, origin)?;
         warnings.extend(report.warnings());
         Ok(Caged { size, mesh, simplified: Some(report), simplify_ms, region, warnings })
     }
@@ -365,6 +368,11 @@ impl<'a> Study<'a> {
         let errors = edge_errors(topology, &self.shape.positions, &pose);
         let cage_errors = edge_errors(caged.mesh.topology(), &caged.mesh.positions, &dragged.pose);
         let report = bound.binding.report();
+        let goals = self.scene.goals(1.0);
+        let missed = self.scene.handles.iter().zip(&goals).flat_map(|(handle, goal)| {
+            handle.vertices.iter().map(|v| v as usize).map(|v| pose[v].distance(goal.apply(self.shape.positions[v])))
+        });
+        let handle_error_max = missed.fold(0.0, f64::max) * scale;
         let mut warnings: Vec<String> = caged.warnings.iter().chain(&dragged.warnings).cloned().collect();
         warnings.extend(report.warnings());
         if rest.rms_relative > POP {
@@ -393,6 +401,7 @@ impl<'a> Study<'a> {
             cage_rms_relative: cage_errors.rms_relative,
             rest_rms_relative: rest.rms_relative,
             rest_error_max,
+            handle_error_max,
             kept_mean: report.kept_mean,
             kept_max: report.kept_max,
             negative_share: report.negative_share,

@@ -39,7 +39,7 @@ impl SweepPlan {
             prunes: vec![Prune::PAPER, Prune::default()],
             methods: vec![Method::Arap(ArapOptions::faithful())],
             iterations: vec![Iterations::Count(2), Iterations::Converged],
-            steps: 20,
+            steps: PAPER_STEPS,
         }
     }
 }
@@ -90,13 +90,16 @@ pub fn sweep(
     Ok(report)
 }
 
-/// Puts the paper's figures beside rows of its models, cage sizes and ways: positions, 3 %, two iterations, or no cage.
+/// Puts the paper's figures beside rows of its models, cage sizes and ways: positions, 3 %, unit weights, 20 steps of two
+/// iterations, or no cage.
 fn set_published(report: &mut SweepReport) {
     let sizes = paper_sizes(report.model.vertices).sizes;
+    let papers_method = Method::Arap(ArapOptions::faithful()).to_string();
     let papers_way = [Propagation::Positions.to_string(), Prune::PAPER.to_string()];
     for row in &mut report.rows {
         let same_way = row.is_direct() || [&row.propagation, &row.prune] == [&papers_way[0], &papers_way[1]];
-        if !(same_way && row.iterations == Some(2) && row.scene == PAPER_SCENE) {
+        let same_drag = row.iterations == Some(2) && row.steps == PAPER_STEPS && row.method == papers_method;
+        if !(same_way && same_drag && row.scene == PAPER_SCENE) {
             continue;
         }
         let cage = (!row.is_direct()).then_some(row.cage_vertices);
@@ -106,6 +109,9 @@ fn set_published(report: &mut SweepReport) {
         }
     }
 }
+
+/// Steps of the drag that comes nearest to them as well.
+const PAPER_STEPS: usize = 20;
 
 /// The scene that comes nearest to the paper's figures without a cage.
 pub const PAPER_SCENE: &str = "armadillo-2";

@@ -89,7 +89,7 @@ fn text(text: &str) -> Cell {
 }
 
 /// Every column in the order of the tables, from what was asked over what came out to what it took.
-pub(super) const COLUMNS: [Column; 32] = {
+pub(super) const COLUMNS: [Column; 33] = {
     use Shown::{Always, Full, Main, Never, Setting};
 
     const fn column(key: &'static str, heading: &'static str, shown: Shown, cell: fn(&SweepRow) -> Cell) -> Column {
@@ -118,6 +118,7 @@ pub(super) const COLUMNS: [Column; 32] = {
         column("cage_rms_relative", "cage RMS (%)", Full, |r| Cell::Share(r.cage_rms_relative)),
         column("rest_rms_relative", "rest RMS (%)", Main, |r| Cell::Share(r.rest_rms_relative)),
         column("rest_error_max", "rest max (% of diagonal)", Main, |r| Cell::Share(r.rest_error_max)),
+        column("handle_error_max", "handles off by (% of diagonal)", Full, |r| Cell::Share(r.handle_error_max)),
         column("kept_mean", "kept mean", Main, |r| Cell::Number(r.kept_mean)),
         column("kept_max", "kept max", Main, |r| Cell::Count(r.kept_max)),
         column("negative_share", "negative weights (%)", Full, |r| Cell::Share(r.negative_share)),

@@ -61,6 +61,10 @@ pub struct SweepRow {
     /// Largest distance that the binding moves a vertex with nothing deformed, as a fraction of the diagonal.
     #[serde(with = "null_is_nan")]
     pub rest_error_max: f64,
+    /// Largest distance between a vertex of a handle and where the scene wants it, as a fraction of the diagonal: a cage
+    /// meets handles only as closely as it follows their borders.
+    #[serde(default, with = "null_is_nan")]
+    pub handle_error_max: f64,
     /// The paper's error for this model and cage size.
     #[serde(default)]
     pub published: Option<f64>,

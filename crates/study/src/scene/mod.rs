@@ -221,7 +221,7 @@ impl Scene {
         match BUILTIN.iter().find(|(known, _)| *known == name) {
             Some((_, json)) => Self::parse(json.as_bytes(), &format!("data/scenes/{name}.json")),
             None => {
-                let known = Self::builtin_names().collect::<Vec<_>>().join(", ");
+                let known = std::iter::once("auto").chain(Self::builtin_names()).collect::<Vec<_>>().join(", ");
                 Err(SceneError::UnknownName { name: name.to_owned(), known })
             }
         }

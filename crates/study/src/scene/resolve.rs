@@ -60,7 +60,9 @@ impl Scene {
         if !(on.diagonal > 0.0 && on.diagonal.is_finite()) {
             return Err(SceneError::NoExtent { scene: self.name.clone(), diagonal: on.diagonal });
         }
-        let mut taken = vec![false; shape.vertex_count()];
+        // Vertices without faces belong to nobody.
+        let mut taken: Vec<bool> =
+            (0..shape.vertex_count()).map(|v| shape.topology().vertex_faces(v).is_empty()).collect();
         let mut handles = Vec::with_capacity(self.handles.len());
         for handle in &self.handles {
             let region = on.vertices_in(&handle.region);
@@ -68,7 +70,7 @@ impl Scene {
             if vertices.is_empty() {
                 let reason = match region.is_empty() {
                     true => "its region holds no vertex of this shape",
-                    false => "every vertex in its region already belongs to an earlier handle",
+                    false => "every vertex in its region already belongs to an earlier handle, or to no face",
                 };
                 return Err(SceneError::EmptyHandle { scene: self.name.clone(), handle: handle.name.clone(), reason });
             }
