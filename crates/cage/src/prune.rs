@@ -19,8 +19,8 @@ pub enum Prune {
     Magnitude(f64),
     /// The positive part of the mean value coordinates of the nearest cage vertices, fading out towards the first one left out,
     /// `max(c_j, 0) * (1 - d_j / d_(k+1))` with `d` the distances in space, in equal parts with the weights of
-    /// [`Prune::Smooth`]; these take more where coordinates lie beyond the nearest vertices. The default, with 24 neighbours.
-    /// A cage vertex does not follow itself alone, so surfaces stay smooth across it.
+    /// [`Prune::Smooth`]; these take more where coordinates lie beyond the nearest vertices, and all at a cage vertex, so that
+    /// surfaces stay smooth across it. The default, with 24 neighbours.
     Local {
         /// Cage vertices per row, at least 1.
         neighbours: usize,

@@ -141,7 +141,11 @@ impl<'a> RowMaker<'a> {
             faded += *w;
             smooth += far * far;
         }
-        let share = if faded > 0.0 { BLEND * (held / (ENOUGH * total)).min(1.0) } else { 0.0 };
+        let from_vertex = 1.0 - fall_off.iter().copied().fold(0.0, f64::max);
+        let share = match faded > 0.0 {
+            true => BLEND * (held / (ENOUGH * total)).min(1.0) * (from_vertex / APART).min(1.0),
+            false => 0.0,
+        };
         for ((entry, w), far) in scratch.row.iter_mut().zip(&weights).zip(&fall_off) {
             let local = if share > 0.0 { share * w / faded } else { 0.0 };
             entry.1 = local + (1.0 - share) * far * far / smooth;
@@ -229,6 +233,11 @@ const ENOUGH: f64 = 0.95;
 /// differ wildly from row to row; distance weights alone blur round shapes. Half of each is
 /// better than either on nearly every model and scene tried, at two iterations and converged.
 const BLEND: f64 = 0.5;
+
+/// Distance to the nearest cage vertex, as a share of the distance to the first one left out, below which coordinates lose
+/// their share again. Close to a cage vertex all of them go to it, and right beside it, across a fold of the cage, to another: an
+/// edge far shorter than the cage's would be torn.
+const APART: f64 = 0.1;
 
 /// Scales a row to sum 1; `false` if its weights cancel or there are none.
 fn normalise(row: &mut [(u32, f64)]) -> bool {

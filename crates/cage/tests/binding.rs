@@ -165,7 +165,7 @@ fn magnitude_rule_drops_what_it_says() {
 }
 
 /// The local rule against its definition, from whole rows: a blend of the faded positive part of the coordinates and of
-/// distance weights, half of each wherever the nearest vertices hold the coordinates.
+/// distance weights, half of each wherever the nearest vertices hold the coordinates and none is close by.
 #[test]
 fn local_rows_blend_coordinates_and_distance_weights() {
     for (name, shape, cage) in pairs().into_iter().filter(|(_, _, cage)| cage.topology().is_closed()) {
@@ -204,7 +204,7 @@ fn local_rows_blend_coordinates_and_distance_weights() {
             assert!(off < 1e-6 && share > -1e-5 && share < 0.5 + 1e-5, "{name}, row {i}: {off:e} off at share {share}");
             half += usize::from(share > 0.499);
         }
-        assert!(2 * half > shape.vertex_count(), "{name}: {half} rows are half coordinates");
+        assert!(3 * half > shape.vertex_count(), "{name}: {half} rows are half coordinates");
     }
 }
 

@@ -93,7 +93,7 @@ fn probing() {
     assert!(entries(folder.path()).is_empty());
     assert!(message(can_write(&path, &["csv"])).contains("cannot write \".json\" files; use one of: csv"));
     let nowhere = folder.path().join("no/such/folder.obj");
-    assert!(message(can_write_mesh(&nowhere)).contains("folder.obj: cannot write: "));
+    assert!(message(can_write_mesh(&nowhere)).contains("folder.obj: the folder"));
     fs::write(&path, "kept").expect("a file");
     let mut permissions = fs::metadata(&path).expect("there").permissions();
     permissions.set_readonly(true);
