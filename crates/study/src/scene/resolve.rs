@@ -60,17 +60,17 @@ impl Scene {
         if !(on.diagonal > 0.0 && on.diagonal.is_finite()) {
             return Err(SceneError::NoExtent { scene: self.name.clone(), diagonal: on.diagonal });
         }
-        // Vertices without faces belong to nobody.
-        let mut taken: Vec<bool> =
-            (0..shape.vertex_count()).map(|v| shape.topology().vertex_faces(v).is_empty()).collect();
+        let mut taken = vec![false; shape.vertex_count()];
         let mut handles = Vec::with_capacity(self.handles.len());
         for handle in &self.handles {
-            let region = on.vertices_in(&handle.region);
+            // Vertices without faces belong to nobody.
+            let on_surface = |v: &u32| !shape.topology().vertex_faces(*v as usize).is_empty();
+            let region: VertexSet = on.vertices_in(&handle.region).iter().filter(on_surface).collect();
             let vertices: VertexSet = region.iter().filter(|&v| !taken[v as usize]).collect();
             if vertices.is_empty() {
                 let reason = match region.is_empty() {
                     true => "its region holds no vertex of this shape",
-                    false => "every vertex in its region already belongs to an earlier handle, or to no face",
+                    false => "every vertex in its region already belongs to an earlier handle",
                 };
                 return Err(SceneError::EmptyHandle { scene: self.name.clone(), handle: handle.name.clone(), reason });
             }

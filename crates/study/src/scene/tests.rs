@@ -298,7 +298,7 @@ fn built_in_scenes_are_named_after_their_files_and_survive_a_round_trip() {
     assert_eq!(
         error,
         format!(
-            "there is no built-in scene 'armadillo'; there are {}",
+            "there is no built-in scene 'armadillo'; there are auto, {}",
             Scene::builtin_names().collect::<Vec<_>>().join(", ")
         )
     );
