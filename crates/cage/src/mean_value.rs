@@ -11,7 +11,7 @@
 
 use glam::DVec3;
 use pliant_mesh::metrics::closest_on_triangle;
-use pliant_mesh::{Topology, TriMesh, face_area_vector};
+use pliant_mesh::{Topology, TriMesh, face_normals};
 
 /// A point nearer to a face than this share of the cage's diagonal takes the barycentric coordinates of the nearest
 /// point on that face: the limit of mean value coordinates (Ju et al., Section 3.3), on edges and at vertices too.
@@ -47,10 +47,9 @@ impl MeanValue {
     pub fn new(cage: &TriMesh) -> Self {
         let (centre, scale) = cage.bounds().normal_frame();
         let positions: Vec<DVec3> = cage.positions.iter().map(|p| (*p - centre) * scale).collect();
-        let area = |t: &[u32; 3]| face_area_vector(t.map(|v| positions[v as usize]));
         Self {
             faces: cage.triangles().to_vec(),
-            normals: cage.triangles().iter().map(|t| area(t).normalize_or_zero()).collect(),
+            normals: face_normals(cage.topology(), &positions),
             edges: cage.topology().edges().to_vec(),
             face_edges: (0..cage.face_count()).map(|f| directed_edges(cage.topology(), f)).collect(),
             positions,

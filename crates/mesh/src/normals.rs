@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use crate::{Topology, TriMesh};
+use crate::Topology;
 
 /// Half the cross product of two sides: along the normal, as long as the area.
 pub fn face_area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
@@ -8,8 +8,11 @@ pub fn face_area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
 }
 
 /// Unit normal of each face (right-hand rule); zero where a face has no area.
-pub fn face_normals(mesh: &TriMesh) -> Vec<DVec3> {
-    (0..mesh.face_count()).map(|f| face_area_vector(mesh.corners(f)).normalize_or_zero()).collect()
+///
+/// `positions` is any pose of `topology`, one position per vertex.
+pub fn face_normals(topology: &Topology, positions: &[DVec3]) -> Vec<DVec3> {
+    let area = |t: &[u32; 3]| face_area_vector(t.map(|v| positions[v as usize]));
+    topology.triangles().iter().map(|t| area(t).normalize_or_zero()).collect()
 }
 
 /// Unit normal of each vertex, the faces weighted by area; zero for a vertex whose faces cancel or that has none.

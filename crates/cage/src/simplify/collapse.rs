@@ -67,8 +67,13 @@ impl Working {
         }
     }
 
-    pub(super) fn faces_of(&self, v: u32) -> &[u32] {
-        self.lists.row(v)
+    /// In each face of `v`, the corner that comes `steps` (1 or 2) after it.
+    pub(super) fn followers(&self, v: u32, steps: usize) -> impl Iterator<Item = u32> + '_ {
+        self.lists.row(v).iter().map(move |&f| {
+            let t = self.faces[f as usize];
+            let k = t.iter().position(|&w| w == v).unwrap_or(0);
+            t[(k + steps) % 3]
+        })
     }
 
     /// Whether the faces round `v` may leave out an edge of it: on a boundary, or where the surface is not manifold.

@@ -289,23 +289,17 @@ impl Simplifier {
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.clear();
         let own = self.quadrics[u as usize];
+        let candidate = |v: u32| {
+            let p = self.working.positions[v as usize];
+            (own.at(p) + self.quadrics[v as usize].at(p), v)
+        };
         // Around a closed fan every neighbour follows `u` in exactly one face.
-        for &f in self.working.faces_of(u) {
-            let t = self.working.faces[f as usize];
-            let k = t.iter().position(|&w| w == u).unwrap_or(0);
-            let next = t[(k + 1) % 3];
-            let p = self.working.positions[next as usize];
-            candidates.push((own.at(p) + self.quadrics[next as usize].at(p), next));
-        }
+        candidates.extend(self.working.followers(u, 1).map(candidate));
         if self.working.is_open_fan(u) {
             let known = candidates.len();
-            for &f in self.working.faces_of(u) {
-                let t = self.working.faces[f as usize];
-                let k = t.iter().position(|&w| w == u).unwrap_or(0);
-                let last = t[(k + 2) % 3];
+            for last in self.working.followers(u, 2) {
                 if candidates[..known].iter().all(|c| c.1 != last) {
-                    let p = self.working.positions[last as usize];
-                    candidates.push((own.at(p) + self.quadrics[last as usize].at(p), last));
+                    candidates.push(candidate(last));
                 }
             }
         }
