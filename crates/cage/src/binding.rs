@@ -51,7 +51,8 @@ impl Binding {
     /// every shape vertex (about 60 ns each).
     ///
     /// # Errors
-    /// A cage without faces, a prune rule out of range, or more weights than 32-bit offsets can number.
+    /// A cage without faces, a prune rule out of range, more weights than 32-bit offsets can number, or
+    /// [`CageError::Cancelled`].
     pub fn new(
         shape: &TriMesh,
         cage: &TriMesh,
@@ -74,6 +75,9 @@ impl Binding {
             .map_init(
                 || maker.scratch(),
                 |scratch, points| {
+                    if progress.is_cancelled() {
+                        return Err(CageError::Cancelled { what: "binding" });
+                    }
                     let chunk = Chunk::make(&maker, points, scratch);
                     let before = done.fetch_add(points.len(), Ordering::Relaxed);
                     // About a hundred reports in all.
@@ -81,10 +85,10 @@ impl Binding {
                     if before / hundredth != (before + points.len()) / hundredth {
                         progress.advance(before + points.len(), total);
                     }
-                    chunk
+                    Ok(chunk)
                 },
             )
-            .collect();
+            .collect::<Result<_, _>>()?;
         Self::assemble(shape, cage, &chunks)
     }
 

@@ -28,6 +28,12 @@ pub enum CageError {
         /// How many.
         entries: usize,
     },
+    /// The computation was told to stop ([`pliant_mesh::Progress::is_cancelled`]).
+    #[error("{what} was cancelled")]
+    Cancelled {
+        /// What was being done.
+        what: &'static str,
+    },
     /// A mesh is broken.
     #[error(transparent)]
     Mesh(#[from] MeshError),

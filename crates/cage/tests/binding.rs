@@ -292,3 +292,24 @@ fn few_or_equally_near_cage_vertices_do() {
         assert_eq!(binding.report().replaced_rows, 0, "{prune}");
     }
 }
+
+/// Told to stop, both stages stop with an error that says so.
+#[test]
+fn long_stages_can_be_cancelled() {
+    use pliant_cage::CageError;
+    use pliant_mesh::Cancellable;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    let shape = shapes::icosphere(4);
+    let made = simplify(&shape, &CageSize::Fraction(0.1).into(), &Silent).expect("valid");
+    let cancel = AtomicBool::new(false);
+    // From within the first report, as a button would.
+    let press = |_: usize, _: usize| cancel.store(true, Ordering::Relaxed);
+    let progress = Cancellable::new(&press, &cancel);
+    let simplified = simplify(&shape, &CageSize::Fraction(0.1).into(), &progress);
+    assert_eq!(simplified.err(), Some(CageError::Cancelled { what: "simplification" }));
+    for prune in [Prune::default(), Prune::PAPER] {
+        let bound = Binding::new(&shape, &made.mesh, &prune.into(), &progress);
+        assert_eq!(bound.err(), Some(CageError::Cancelled { what: "binding" }));
+    }
+}

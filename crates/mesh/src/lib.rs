@@ -25,7 +25,7 @@ pub use bounds::Bounds;
 pub use error::MeshError;
 pub use frames::{FrameFit, Frames};
 pub use normals::{face_area_vector, face_normals, vertex_normals};
-pub use progress::{Progress, Silent};
+pub use progress::{Cancellable, Progress, Silent};
 pub use rotation::{best_rotation, best_scale, outer};
 pub use similarity::{Motion, Similarity};
 pub use topology::Topology;

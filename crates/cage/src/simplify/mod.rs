@@ -132,13 +132,14 @@ const GOOD_QUALITY: f64 = 0.2;
 /// a closed component of genus 0 ends as a tetrahedron, an open one as a triangle.
 ///
 /// # Errors
-/// A fraction that is not above 0 and at most 1, a negative or non-finite distance or boundary weight, or a shape without faces.
+/// A fraction that is not above 0 and at most 1, a negative or non-finite distance or boundary weight, a shape without faces, or
+/// [`CageError::Cancelled`].
 pub fn simplify(shape: &TriMesh, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Simplified, CageError> {
     let (asked, max_error) = resolve(shape, options)?;
     let (centre, scale) = shape.bounds().normal_frame();
     let positions: Vec<DVec3> = shape.positions.iter().map(|p| (*p - centre) * scale).collect();
     let mut simplifier = Simplifier::new(shape, positions, options.boundary_weight, max_error);
-    simplifier.run(asked, progress);
+    simplifier.run(asked, progress)?;
     simplifier.finish(shape, asked)
 }
 
@@ -205,7 +206,7 @@ impl Simplifier {
         }
     }
 
-    fn run(&mut self, asked: Option<usize>, progress: &dyn Progress) {
+    fn run(&mut self, asked: Option<usize>, progress: &dyn Progress) -> Result<(), CageError> {
         let target = asked.unwrap_or(0);
         let total = self.count.saturating_sub(target);
         let smallest = asked.is_some_and(|asked| asked <= 4 * self.components);
@@ -219,10 +220,14 @@ impl Simplifier {
                 let done = total - (self.count - target);
                 if done.is_multiple_of((total / 100).max(1)) {
                     progress.advance(done, total);
+                    if progress.is_cancelled() {
+                        return Err(CageError::Cancelled { what: "simplification" });
+                    }
                 }
             }
         }
         progress.advance(total, total);
+        Ok(())
     }
 
     /// Collapses `u` into its cheapest legal neighbour if nothing cheaper waits; puts it back at its true cost otherwise.
