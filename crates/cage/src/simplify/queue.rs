@@ -1,103 +1,129 @@
-/// A binary min-heap of vertices by cost in which costs can be changed; ties go to the lower vertex number.
+/// A min-heap of vertices by cost in which costs can be changed; ties go to the lower rank.
+///
+/// A cost that grows is only written down: the vertex sinks to its place once it reaches the top. Round a collapse most
+/// costs grow, several times before their turn comes. Four children to a node: half the levels of a binary heap.
 #[derive(Debug)]
 pub(super) struct Queue {
-    heap: Vec<u32>,
+    heap: Vec<Entry>,
     /// Place of each vertex in `heap`, or [`OUT`].
     place: Vec<u32>,
+    /// What each vertex costs; at least what its entry says.
     cost: Vec<f64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    cost: f64,
+    rank: u32,
+    vertex: u32,
+}
+
+impl Entry {
+    fn before(&self, other: &Self) -> bool {
+        self.cost < other.cost || (self.cost == other.cost && self.rank < other.rank)
+    }
 }
 
 const OUT: u32 = u32::MAX;
 
 impl Queue {
     pub(super) fn new(vertex_count: usize) -> Self {
-        Self { heap: Vec::with_capacity(vertex_count), place: vec![OUT; vertex_count], cost: vec![0.0; vertex_count] }
+        Self { heap: Vec::new(), place: vec![OUT; vertex_count], cost: vec![0.0; vertex_count] }
+    }
+
+    /// Replaces what is in the queue by vertices with their costs (not NaN), in linear time.
+    pub(super) fn fill(&mut self, costs: impl Iterator<Item = (u32, f64)>, rank: &[u32]) {
+        for entry in self.heap.drain(..) {
+            self.place[entry.vertex as usize] = OUT;
+        }
+        for (vertex, cost) in costs {
+            self.cost[vertex as usize] = cost;
+            self.place[vertex as usize] = self.heap.len() as u32;
+            self.heap.push(Entry { cost, rank: rank[vertex as usize], vertex });
+        }
+        for at in (0..self.heap.len().div_ceil(4)).rev() {
+            self.sink(at, self.heap[at]);
+        }
     }
 
     /// Puts a vertex in, or moves it, to `cost` (not NaN).
-    pub(super) fn set(&mut self, vertex: u32, cost: f64) {
-        let v = vertex as usize;
-        if self.place[v] == OUT {
-            self.cost[v] = cost;
-            self.place[v] = self.heap.len() as u32;
-            self.heap.push(vertex);
-            self.rise(self.heap.len() - 1);
-        } else {
-            let fell = cost > self.cost[v];
-            self.cost[v] = cost;
-            let at = self.place[v] as usize;
-            if fell {
-                self.sink(at);
-            } else {
-                self.rise(at);
-            }
-        }
-    }
-
-    pub(super) fn remove(&mut self, vertex: u32) {
+    pub(super) fn set(&mut self, vertex: u32, cost: f64, rank: u32) {
+        self.cost[vertex as usize] = cost;
+        let entry = Entry { cost, rank, vertex };
         let at = self.place[vertex as usize];
         if at == OUT {
-            return;
-        }
-        let at = at as usize;
-        self.place[vertex as usize] = OUT;
-        let last = self.heap.len() - 1;
-        self.heap.swap_remove(at);
-        if at < last {
-            self.place[self.heap[at] as usize] = at as u32;
-            self.sink(at);
-            self.rise(at);
+            self.heap.push(entry);
+            self.rise(self.heap.len() - 1, entry);
+        } else if cost < self.heap[at as usize].cost {
+            self.rise(at as usize, entry);
         }
     }
 
     /// The vertex of least cost, taken out.
     pub(super) fn pop(&mut self) -> Option<u32> {
-        let &vertex = self.heap.first()?;
-        self.remove(vertex);
-        Some(vertex)
+        self.settle();
+        let top = self.heap.first()?.vertex;
+        self.place[top as usize] = OUT;
+        let last = self.heap.pop()?;
+        if !self.heap.is_empty() {
+            self.sink(0, last);
+        }
+        Some(top)
     }
 
     /// The least cost.
-    pub(super) fn least(&self) -> f64 {
-        self.heap.first().map_or(f64::INFINITY, |&v| self.cost[v as usize])
+    pub(super) fn least(&mut self) -> f64 {
+        self.settle();
+        self.heap.first().map_or(f64::INFINITY, |top| top.cost)
     }
 
-    fn before(&self, a: u32, b: u32) -> bool {
-        let (ca, cb) = (self.cost[a as usize], self.cost[b as usize]);
-        ca < cb || (ca == cb && a < b)
-    }
-
-    fn rise(&mut self, mut at: usize) {
-        while at > 0 {
-            let parent = (at - 1) / 2;
-            if !self.before(self.heap[at], self.heap[parent]) {
+    /// Brings a vertex to the top that costs what its entry says; entries below say no more than the truth.
+    fn settle(&mut self) {
+        while let Some(&top) = self.heap.first() {
+            let cost = self.cost[top.vertex as usize];
+            if cost == top.cost {
                 break;
             }
-            self.swap(at, parent);
+            self.sink(0, Entry { cost, ..top });
+        }
+    }
+
+    /// Moves the gap at `at` up to where `entry` belongs and puts it there.
+    fn rise(&mut self, mut at: usize, entry: Entry) {
+        while at > 0 {
+            let parent = (at - 1) / 4;
+            if !entry.before(&self.heap[parent]) {
+                break;
+            }
+            self.put(at, self.heap[parent]);
             at = parent;
         }
+        self.put(at, entry);
     }
 
-    fn sink(&mut self, mut at: usize) {
+    /// Moves the gap at `at` down to where `entry` belongs and puts it there.
+    fn sink(&mut self, mut at: usize, entry: Entry) {
         loop {
-            let left = 2 * at + 1;
-            let Some(&l) = self.heap.get(left) else { break };
-            let child = match self.heap.get(left + 1) {
-                Some(&r) if self.before(r, l) => left + 1,
-                _ => left,
-            };
-            if !self.before(self.heap[child], self.heap[at]) {
+            let first = 4 * at + 1;
+            let Some(&(mut least)) = self.heap.get(first) else { break };
+            let mut child = first;
+            for (i, other) in self.heap[first..].iter().enumerate().take(4).skip(1) {
+                if other.before(&least) {
+                    (child, least) = (first + i, *other);
+                }
+            }
+            if !least.before(&entry) {
                 break;
             }
-            self.swap(at, child);
+            self.put(at, least);
             at = child;
         }
+        self.put(at, entry);
     }
 
-    fn swap(&mut self, a: usize, b: usize) {
-        self.heap.swap(a, b);
-        self.place[self.heap[a] as usize] = a as u32;
-        self.place[self.heap[b] as usize] = b as u32;
+    fn put(&mut self, at: usize, entry: Entry) {
+        self.heap[at] = entry;
+        self.place[entry.vertex as usize] = at as u32;
     }
 }
 
@@ -105,32 +131,48 @@ impl Queue {
 mod tests {
     use super::*;
 
-    /// Random sets, changes and removals against a sorted list.
+    /// Random sets, changes and pops against a list searched from end to end. Ranks run against the numbers of vertices.
     #[test]
-    fn pops_in_order_of_cost_then_number() {
+    fn pops_in_order_of_cost_then_rank() {
+        let rank: Vec<u32> = (0..100).rev().collect();
         let mut queue = Queue::new(100);
-        let mut expected = vec![None; 100];
+        let mut expected: Vec<Option<f64>> = vec![None; 100];
+        let first = |expected: &[Option<f64>]| {
+            let known = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (c, rank[v], v)));
+            known.min_by(|a, b| a.partial_cmp(b).expect("no NaN"))
+        };
         let mut state = 7u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 33) as usize
         };
-        for _ in 0..2000 {
-            let v = random() % 100;
+        for round in 0..4000 {
+            if round % 1000 == 0 {
+                expected = (0..100).map(|v| (v % 3 != 0).then_some((v * 7 % 10) as f64)).collect();
+                let costs = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (v as u32, c)));
+                queue.fill(costs, &rank);
+            }
             if random() % 4 == 0 {
-                queue.remove(v as u32);
-                expected[v] = None;
+                let popped = first(&expected);
+                assert_eq!(queue.least(), popped.map_or(f64::INFINITY, |p| p.0));
+                assert_eq!(queue.pop(), popped.map(|p| p.2 as u32));
+                if let Some((_, _, v)) = popped {
+                    expected[v] = None;
+                }
             } else {
-                let cost = (random() % 10) as f64;
-                queue.set(v as u32, cost);
+                let (v, cost) = (random() % 100, (random() % 10) as f64);
+                queue.set(v as u32, cost, rank[v]);
                 expected[v] = Some(cost);
             }
         }
-        let mut order: Vec<(f64, u32)> =
-            expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (c, v as u32))).collect();
-        order.sort_by(|a, b| a.partial_cmp(b).expect("no NaN"));
-        let popped: Vec<(f64, u32)> = std::iter::from_fn(|| Some((queue.least(), queue.pop()?))).collect();
-        assert_eq!(popped, order);
+        let order = std::iter::from_fn(|| {
+            let (_, _, v) = first(&expected)?;
+            expected[v] = None;
+            Some(v as u32)
+        });
+        let order: Vec<u32> = order.collect();
+        assert!(order.len() > 50);
+        assert_eq!(std::iter::from_fn(|| queue.pop()).collect::<Vec<_>>(), order);
         assert_eq!(queue.least(), f64::INFINITY);
     }
 }
