@@ -48,15 +48,11 @@ pub(super) struct Working {
     boundary: Vec<bool>,
     /// At an edge or vertex that is not manifold: never moved.
     pub(super) locked: Vec<bool>,
-    /// Stamps of vertices seen, and the last stamp given.
-    marks: Vec<u32>,
-    stamp: u32,
 }
 
 impl Working {
     /// A working copy of a mesh whose vertices are renumbered: `order` has the old number of each, `rank` the new.
     pub(super) fn new(topology: &Topology, sites: Vec<Site>, order: &[u32], rank: &[u32]) -> Self {
-        let n = topology.vertex_count();
         let boundary = topology.boundary_vertices();
         let mut locked: Vec<bool> = order.par_iter().map(|&v| topology.fan_count(v as usize) > 1).collect();
         for (e, &[a, b]) in topology.edges().iter().enumerate() {
@@ -65,21 +61,18 @@ impl Working {
                 locked[rank[b as usize] as usize] = true;
             }
         }
-        let wedges = order.par_iter().flat_map_iter(|&v| {
+        let row = |&v: &u32| {
             topology.vertex_faces(v as usize).iter().map(move |&f| {
                 let face = topology.triangles()[f as usize];
                 let place = face.iter().position(|&w| w == v).unwrap_or(0);
                 Wedge::new(face.map(|w| rank[w as usize]), place)
             })
-        });
-        let lengths = order.iter().map(|&v| topology.vertex_faces(v as usize).len());
+        };
         Self {
             sites,
-            fans: Fans::new(lengths, wedges.collect()),
+            fans: Fans::new(order.iter().map(row)),
             boundary: order.iter().map(|&v| boundary[v as usize]).collect(),
             locked,
-            marks: vec![0; n],
-            stamp: 0,
         }
     }
 
@@ -91,20 +84,6 @@ impl Working {
     /// Whether the faces round `v` may leave out an edge of it: on a boundary, or where the surface is not manifold.
     pub(super) fn is_open_fan(&self, v: u32) -> bool {
         self.boundary[v as usize] || self.locked[v as usize]
-    }
-
-    /// Collects the neighbours of `v` without repeats.
-    pub(super) fn ring(&mut self, v: u32, ring: &mut Vec<u32>) {
-        ring.clear();
-        let seen = self.fresh_stamps(1);
-        for wedge in self.fans.row(v) {
-            for w in [wedge.next(), wedge.last] {
-                if self.marks[w as usize] != seen {
-                    self.marks[w as usize] = seen;
-                    ring.push(w);
-                }
-            }
-        }
     }
 
     /// Whether collapsing `u` into its neighbour `v` keeps the surface what it is; if so, the quality of the worst face
@@ -134,7 +113,7 @@ impl Working {
         if opposite[..shared].iter().any(|&a| self.fans.face_count(a) < 2) {
             return false;
         }
-        if self.common_neighbours(u, v) != shared {
+        if self.fans.common_neighbours(u, v) != shared {
             return false;
         }
         // A tetrahedron passes the test above: both ends form a face with the two opposite vertices.
@@ -143,45 +122,19 @@ impl Working {
         !(shared == 2 && has_face(u) && has_face(v))
     }
 
-    /// The first of `count` stamps that no mark has.
-    fn fresh_stamps(&mut self, count: u32) -> u32 {
-        if self.stamp > u32::MAX - count {
-            self.marks.fill(0);
-            self.stamp = 0;
-        }
-        self.stamp += count;
-        self.stamp - count + 1
-    }
-
-    fn common_neighbours(&mut self, u: u32, v: u32) -> usize {
-        let of_u = self.fresh_stamps(2);
-        let counted = of_u + 1;
-        for wedge in self.fans.row(u) {
-            self.marks[wedge.next() as usize] = of_u;
-            self.marks[wedge.last as usize] = of_u;
-        }
-        self.marks[v as usize] = counted;
-        let mut common = 0;
-        for wedge in self.fans.row(v) {
-            for w in [wedge.next(), wedge.last] {
-                let mark = &mut self.marks[w as usize];
-                common += usize::from(*mark == of_u);
-                *mark = counted;
-            }
-        }
-        common
-    }
-
     /// Quality of the worst face made worse, if below `good`; `None` if a face turns over, away from the original surface,
     /// or into a line.
     fn worst_face(&self, u: u32, v: u32, guard: Guard, good: f64) -> Option<f64> {
-        let site = |w: u32| &self.sites[w as usize];
         let mut worst = good;
         for wedge in self.fans.row(u).iter().filter(|wedge| !wedge.has(v)) {
-            let (was, is) = (wedge.face(u), wedge.face(v));
-            let (before, after) = (was.map(|w| site(w).position), is.map(|w| site(w).position));
+            let [a, b, c] = wedge.face(v);
+            let sites = [&self.sites[a as usize], &self.sites[b as usize], &self.sites[c as usize]];
+            let after = [sites[0].position, sites[1].position, sites[2].position];
+            let [a, b, c] = wedge.face(u);
+            let before =
+                [self.sites[a as usize].position, self.sites[b as usize].position, self.sites[c as usize].position];
             let (old, new) = (face_area_vector(before), face_area_vector(after));
-            let outward: DVec3 = is.iter().map(|&w| site(w).normal).sum();
+            let outward = sites[0].normal + sites[1].normal + sites[2].normal;
             let quality = quality(after, new);
             // A face without area has no side to keep.
             if quality < MIN_QUALITY
@@ -199,8 +152,14 @@ impl Working {
 
     /// Carries the collapse out and tells `renamed` of every other neighbour that `u` had, and whether its fan is open.
     /// Call only where [`Self::may_collapse`]. `ring` is scratch.
-    pub(super) fn collapse(&mut self, u: u32, v: u32, ring: &mut Vec<u32>, mut renamed: impl FnMut(u32, Renamed, bool)) {
-        self.ring(u, ring);
+    pub(super) fn collapse(
+        &mut self,
+        u: u32,
+        v: u32,
+        ring: &mut Vec<u32>,
+        mut renamed: impl FnMut(u32, Renamed, bool),
+    ) {
+        self.fans.ring(u, ring);
         for &w in ring.iter().filter(|&&w| w != v) {
             renamed(w, self.fans.rename(w, u, v), self.is_open_fan(w));
         }

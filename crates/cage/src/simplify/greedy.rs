@@ -36,7 +36,7 @@ pub(super) struct Simplifier {
     working: Working,
     quadrics: Vec<Quadric>,
     /// Cheapest neighbour of each vertex that may move, legal or not.
-    cheapest: Vec<Target>,
+    cheapest: Vec<Cheapest>,
     queue: Queue,
     /// Vertex that each was collapsed into, itself while it is there.
     owner: Vec<u32>,
@@ -58,16 +58,27 @@ pub(super) struct Simplifier {
 struct Target {
     cost: f64,
     vertex: u32,
-    /// Its number in the shape.
-    number: u32,
 }
 
-impl Target {
-    /// Costs no vertex: what any other goes before.
-    const NONE: Self = Self { cost: f64::INFINITY, vertex: u32::MAX, number: u32::MAX };
+/// The cheapest neighbour of a vertex, the lowest number first, and a cost that no other neighbour falls below.
+#[derive(Debug, Clone, Copy)]
+struct Cheapest {
+    best: Target,
+    others: f64,
+}
 
-    fn before(&self, other: &Self) -> bool {
-        self.cost < other.cost || (self.cost == other.cost && self.number < other.number)
+impl Cheapest {
+    const NONE: Self = Self { best: Target { cost: f64::INFINITY, vertex: u32::MAX }, others: f64::INFINITY };
+
+    /// Takes another neighbour into account. `order` has the numbers that decide ties.
+    fn offer(&mut self, target: Target, order: &[u32]) {
+        let number = |t: Target| order.get(t.vertex as usize);
+        if target.cost < self.best.cost || target.cost == self.best.cost && number(target) < number(self.best) {
+            self.others = self.best.cost;
+            self.best = target;
+        } else if target.cost < self.others {
+            self.others = target.cost;
+        }
     }
 }
 
@@ -97,7 +108,7 @@ impl Simplifier {
             working: Working::new(topology, sites, &order, &rank),
             quadrics,
             cheapest: Vec::new(),
-            queue: Queue::new(n),
+            queue: Queue::new(order.clone()),
             owner: (0..n as u32).collect(),
             count: n - unused,
             unused,
@@ -121,7 +132,7 @@ impl Simplifier {
         for guard in &GUARDS[..if smallest { GUARDS.len() } else { 1 }] {
             let (working, cheapest) = (&self.working, &self.cheapest);
             let moving = (0..self.order.len() as u32).filter(|&v| working.may_move(v));
-            self.queue.fill(moving.map(|v| (v, cheapest[v as usize].cost)), &self.order);
+            self.queue.fill(moving.map(|v| (v, cheapest[v as usize].best.cost)));
             while self.count > target {
                 let Some(u) = self.queue.pop() else { break };
                 self.step(u, *guard);
@@ -141,7 +152,7 @@ impl Simplifier {
     /// Collapses `u` into its cheapest legal neighbour if nothing cheaper waits; puts it back at its true cost otherwise.
     fn step(&mut self, u: u32, guard: Guard) {
         let mut best = Choice { cost: f64::INFINITY, vertex: u, distance: 0.0 };
-        let first = self.cheapest[u as usize];
+        let first = self.cheapest[u as usize].best;
         self.judge(u, first, guard, &mut best);
         // Costs only grow by judging, so the cheapest neighbour, if nothing speaks against it, needs no comparison.
         if best.cost > first.cost {
@@ -149,7 +160,8 @@ impl Simplifier {
             others.clear();
             let cheaper = |t: &Target| t.vertex != first.vertex && t.cost < best.cost;
             self.for_each_target(u, |t| others.extend(Some(t).filter(cheaper)));
-            others.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.number.cmp(&b.number)));
+            let number = |t: &Target| self.order[t.vertex as usize];
+            others.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(number(a).cmp(&number(b))));
             for &other in others.iter() {
                 if other.cost >= best.cost {
                     break;
@@ -162,7 +174,7 @@ impl Simplifier {
         if v == u {
             // No legal neighbour: it waits outside until its ring changes.
         } else if cost > self.queue.least() {
-            self.queue.set(u, cost, self.order[u as usize]);
+            self.queue.set(u, cost);
         } else {
             self.error = self.error.max(distance);
             self.collapse(u, v);
@@ -171,7 +183,7 @@ impl Simplifier {
 
     /// Takes a target as the best choice if its collapse is legal and cheaper, needles counted.
     fn judge(&mut self, u: u32, target: Target, guard: Guard, best: &mut Choice) {
-        let Target { cost, vertex, .. } = target;
+        let Target { cost, vertex } = target;
         if cost >= best.cost {
             return;
         }
@@ -189,8 +201,9 @@ impl Simplifier {
 
     /// Collapses `u` into `v` and brings costs up to date.
     ///
-    /// A vertex next to `v` keeps its cheapest neighbour unless that was `u` or `v` or becomes `v`: its own quadric is as it was,
-    /// and `v` costs no less than before as its quadric only gains. (Where rounding says otherwise, all is done anew.)
+    /// For a vertex next to `v` only the cost of `v` changes, and that of `u` is gone: its own quadric is as it was. As the
+    /// quadric of `v` only gains, so does its cost; a bound on the others therefore stays one. (Where rounding says that
+    /// `v` lost, all is done anew.)
     fn collapse(&mut self, u: u32, v: u32) {
         let merged = self.quadrics[u as usize];
         self.quadrics[v as usize].add(&merged);
@@ -203,43 +216,44 @@ impl Simplifier {
         let grew = at_home >= before;
 
         let mut ring = std::mem::take(&mut self.ring);
-        let number = self.order[v as usize];
-        let (cheapest, quadrics) = (&mut self.cheapest, &self.quadrics);
+        let (cheapest, quadrics, order) = (&mut self.cheapest, &self.quadrics, &self.order);
         self.working.collapse(u, v, &mut ring, |w, renamed, is_open| {
             let known = &mut cheapest[w as usize];
-            if known.vertex == u {
-                known.vertex = v;
-            } else if !renamed.was_adjacent && (renamed.is_followed || is_open) && at_home <= known.cost {
-                let offer = Target { cost: quadrics[w as usize].at(position) + at_home, vertex: v, number };
-                if offer.before(known) {
-                    *known = offer;
-                }
+            if known.best.vertex == u {
+                // The cost of a vertex that is gone; below it is that of `v`.
+                known.best.vertex = v;
+            } else if !renamed.lost && (renamed.followed || is_open) && at_home <= known.others {
+                known.offer(Target { cost: quadrics[w as usize].at(position) + at_home, vertex: v }, order);
             }
         });
         self.owner[u as usize] = v;
         self.count -= 1;
-        self.working.ring(v, &mut ring);
-        ring.push(v);
+        self.working.fans.ring(v, &mut ring);
         for &w in &ring {
             if self.working.locked[w as usize] {
                 continue;
             }
-            if w == v || self.cheapest[w as usize].vertex == v || !grew {
-                self.cheapest[w as usize] = self.find_cheapest(w);
+            let mut known = self.cheapest[w as usize];
+            if known.best.vertex == v {
+                known.best.cost = self.cost(w, v);
             }
-            self.queue.set(w, self.cheapest[w as usize].cost, self.order[w as usize]);
+            if !grew || known.best.vertex == v && known.best.cost >= known.others {
+                known = self.find_cheapest(w);
+            }
+            self.cheapest[w as usize] = known;
+            self.queue.set(w, known.best.cost);
+        }
+        if !self.working.locked[v as usize] {
+            self.cheapest[v as usize] = self.find_cheapest(v);
+            self.queue.set(v, self.cheapest[v as usize].best.cost);
         }
         self.ring = ring;
     }
 
     /// The cheapest neighbour of `u`.
-    fn find_cheapest(&self, u: u32) -> Target {
-        let mut cheapest = Target::NONE;
-        self.for_each_target(u, |t| {
-            if t.before(&cheapest) {
-                cheapest = t;
-            }
-        });
+    fn find_cheapest(&self, u: u32) -> Cheapest {
+        let mut cheapest = Cheapest::NONE;
+        self.for_each_target(u, |t| cheapest.offer(t, &self.order));
         cheapest
     }
 
@@ -248,7 +262,7 @@ impl Simplifier {
         let own = &self.quadrics[u as usize];
         let mut target = |v: u32| {
             let site = &self.working.sites[v as usize];
-            each(Target { cost: own.at(site.position) + site.at_home, vertex: v, number: self.order[v as usize] });
+            each(Target { cost: own.at(site.position) + site.at_home, vertex: v });
         };
         let row = self.working.fans.row(u);
         row.iter().for_each(|wedge| target(wedge.next()));
@@ -256,6 +270,11 @@ impl Simplifier {
         if self.working.is_open_fan(u) {
             row.iter().for_each(|wedge| target(wedge.last));
         }
+    }
+
+    fn cost(&self, u: u32, v: u32) -> f64 {
+        let site = &self.working.sites[v as usize];
+        self.quadrics[u as usize].at(site.position) + site.at_home
     }
 
     /// Root mean square distance that a cost stands for, over the area of both vertices.

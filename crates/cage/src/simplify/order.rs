@@ -42,9 +42,8 @@ mod tests {
     /// Every number once; the eight corners of a box in the order of the curve, whatever order they come in.
     #[test]
     fn order_is_a_permutation_along_the_curve() {
-        let corners: Vec<DVec3> = (0..8).map(|i| {
-            DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2 & 1)) - 0.5
-        }).collect();
+        let corners: Vec<DVec3> =
+            (0..8).map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2 & 1)) - 0.5).collect();
         let turned: Vec<DVec3> = (0..8).map(|i| corners[i * 3 % 8]).collect();
         let order = along_z_curve(&turned);
         assert_eq!(order.iter().map(|&i| turned[i as usize]).collect::<Vec<_>>(), corners);

@@ -1,129 +1,132 @@
-/// A min-heap of vertices by cost in which costs can be changed; ties go to the lower rank.
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Vertices by cost, the least first, in which costs can be changed; ties go to the lower rank.
 ///
-/// A cost that grows is only written down: the vertex sinks to its place once it reaches the top. Round a collapse most
-/// costs grow, several times before their turn comes. Four children to a node: half the levels of a binary heap.
+/// Round a collapse most costs grow, several times before their turn comes. So a cost that grows is only written down, and
+/// the vertex filed anew once its old entry comes up. Only entries of the lowest costs are in a heap, which is small
+/// then; the others lie in buckets, each for costs within a sixteenth of a power of two, without order.
 #[derive(Debug)]
 pub(super) struct Queue {
-    heap: Vec<Entry>,
-    /// Place of each vertex in `heap`, or [`OUT`].
-    place: Vec<u32>,
-    /// What each vertex costs; at least what its entry says.
-    cost: Vec<f64>,
+    heap: BinaryHeap<Reverse<Entry>>,
+    buckets: Vec<Vec<Entry>>,
+    /// The bucket that was last poured into the heap, where all lower costs go too.
+    poured: usize,
+    slots: Vec<Slot>,
+    rank: Vec<u32>,
 }
 
+/// Bits of the cost, which is not negative; then the rank; then the vertex. One comparison orders by all.
+type Entry = u128;
+
+/// What a vertex costs, and what its entry says, which is no more; NaN if it is not in the queue.
+///
+/// A cost that falls leaves the old entry behind, which is known by saying something else, or the same once more.
 #[derive(Debug, Clone, Copy)]
-struct Entry {
+struct Slot {
     cost: f64,
-    rank: u32,
-    vertex: u32,
+    filed: f64,
 }
 
-impl Entry {
-    fn before(&self, other: &Self) -> bool {
-        self.cost < other.cost || (self.cost == other.cost && self.rank < other.rank)
-    }
+const OUT: Slot = Slot { cost: f64::NAN, filed: f64::NAN };
+
+fn vertex_of(entry: Entry) -> u32 {
+    entry as u32
 }
 
-const OUT: u32 = u32::MAX;
+fn cost_of(entry: Entry) -> f64 {
+    f64::from_bits((entry >> 64) as u64)
+}
+
+/// Exponent and four more bits of a number that is not negative: grows with it.
+fn bucket_of(cost: f64) -> usize {
+    (cost.to_bits() >> 48) as usize
+}
 
 impl Queue {
-    pub(super) fn new(vertex_count: usize) -> Self {
-        Self { heap: Vec::new(), place: vec![OUT; vertex_count], cost: vec![0.0; vertex_count] }
+    /// An empty queue of vertices with these ranks.
+    pub(super) fn new(rank: Vec<u32>) -> Self {
+        let buckets = vec![Vec::new(); bucket_of(f64::INFINITY) + 1];
+        Self { heap: BinaryHeap::new(), buckets, poured: 0, slots: vec![OUT; rank.len()], rank }
     }
 
-    /// Replaces what is in the queue by vertices with their costs (not NaN), in linear time.
-    pub(super) fn fill(&mut self, costs: impl Iterator<Item = (u32, f64)>, rank: &[u32]) {
-        for entry in self.heap.drain(..) {
-            self.place[entry.vertex as usize] = OUT;
-        }
-        for (vertex, cost) in costs {
-            self.cost[vertex as usize] = cost;
-            self.place[vertex as usize] = self.heap.len() as u32;
-            self.heap.push(Entry { cost, rank: rank[vertex as usize], vertex });
-        }
-        for at in (0..self.heap.len().div_ceil(4)).rev() {
-            self.sink(at, self.heap[at]);
-        }
+    /// Replaces what is in the queue by vertices with their costs (0 or above).
+    pub(super) fn fill(&mut self, costs: impl Iterator<Item = (u32, f64)>) {
+        self.heap.clear();
+        self.buckets.iter_mut().for_each(Vec::clear);
+        self.slots.fill(OUT);
+        self.poured = 0;
+        costs.for_each(|(vertex, cost)| self.file(vertex, cost));
     }
 
-    /// Puts a vertex in, or moves it, to `cost` (not NaN).
-    pub(super) fn set(&mut self, vertex: u32, cost: f64, rank: u32) {
-        self.cost[vertex as usize] = cost;
-        let entry = Entry { cost, rank, vertex };
-        let at = self.place[vertex as usize];
-        if at == OUT {
-            self.heap.push(entry);
-            self.rise(self.heap.len() - 1, entry);
-        } else if cost < self.heap[at as usize].cost {
-            self.rise(at as usize, entry);
+    /// Puts a vertex in, or moves it, to `cost` (0 or above).
+    pub(super) fn set(&mut self, vertex: u32, cost: f64) {
+        let slot = &mut self.slots[vertex as usize];
+        if cost >= slot.filed {
+            slot.cost = cost;
+        } else {
+            self.file(vertex, cost);
         }
     }
 
     /// The vertex of least cost, taken out.
     pub(super) fn pop(&mut self) -> Option<u32> {
-        self.settle();
-        let top = self.heap.first()?.vertex;
-        self.place[top as usize] = OUT;
-        let last = self.heap.pop()?;
-        if !self.heap.is_empty() {
-            self.sink(0, last);
-        }
-        Some(top)
+        let top = self.settled()?;
+        self.heap.pop();
+        self.slots[vertex_of(top) as usize] = OUT;
+        Some(vertex_of(top))
     }
 
     /// The least cost.
     pub(super) fn least(&mut self) -> f64 {
-        self.settle();
-        self.heap.first().map_or(f64::INFINITY, |top| top.cost)
+        self.settled().map_or(f64::INFINITY, cost_of)
     }
 
-    /// Brings a vertex to the top that costs what its entry says; entries below say no more than the truth.
-    fn settle(&mut self) {
-        while let Some(&top) = self.heap.first() {
-            let cost = self.cost[top.vertex as usize];
-            if cost == top.cost {
-                break;
-            }
-            self.sink(0, Entry { cost, ..top });
-        }
-    }
-
-    /// Moves the gap at `at` up to where `entry` belongs and puts it there.
-    fn rise(&mut self, mut at: usize, entry: Entry) {
-        while at > 0 {
-            let parent = (at - 1) / 4;
-            if !entry.before(&self.heap[parent]) {
-                break;
-            }
-            self.put(at, self.heap[parent]);
-            at = parent;
-        }
-        self.put(at, entry);
-    }
-
-    /// Moves the gap at `at` down to where `entry` belongs and puts it there.
-    fn sink(&mut self, mut at: usize, entry: Entry) {
+    /// Brings to the top of the heap an entry that says what its vertex costs; those below say no more than the truth.
+    fn settled(&mut self) -> Option<Entry> {
         loop {
-            let first = 4 * at + 1;
-            let Some(&(mut least)) = self.heap.get(first) else { break };
-            let mut child = first;
-            for (i, other) in self.heap[first..].iter().enumerate().take(4).skip(1) {
-                if other.before(&least) {
-                    (child, least) = (first + i, *other);
+            let Some(&Reverse(top)) = self.heap.peek() else {
+                self.pour()?;
+                continue;
+            };
+            let Slot { cost, filed } = self.slots[vertex_of(top) as usize];
+            if cost_of(top) == filed {
+                if cost == filed {
+                    return Some(top);
                 }
+                self.file(vertex_of(top), cost);
             }
-            if !least.before(&entry) {
-                break;
-            }
-            self.put(at, least);
-            at = child;
+            self.heap.pop();
         }
-        self.put(at, entry);
     }
 
-    fn put(&mut self, at: usize, entry: Entry) {
-        self.heap[at] = entry;
-        self.place[entry.vertex as usize] = at as u32;
+    /// Makes a heap of the next bucket that holds anything.
+    fn pour(&mut self) -> Option<()> {
+        let next = self.poured + self.buckets[self.poured..].iter().position(|b| !b.is_empty())?;
+        self.poured = next;
+        let mut entries = std::mem::take(&mut self.buckets[next]);
+        entries.retain(|&entry| {
+            let Slot { cost, filed } = self.slots[vertex_of(entry) as usize];
+            let is_true = cost_of(entry) == filed && cost == filed;
+            if cost_of(entry) == filed && !is_true {
+                self.file(vertex_of(entry), cost);
+            }
+            is_true
+        });
+        self.heap.extend(entries.into_iter().map(Reverse));
+        Some(())
+    }
+
+    fn file(&mut self, vertex: u32, cost: f64) {
+        self.slots[vertex as usize] = Slot { cost, filed: cost };
+        let rank = self.rank[vertex as usize];
+        let entry = u128::from(cost.to_bits()) << 64 | u128::from(rank) << 32 | u128::from(vertex);
+        let bucket = bucket_of(cost);
+        if bucket <= self.poured {
+            self.heap.push(Reverse(entry));
+        } else {
+            self.buckets[bucket].push(entry);
+        }
     }
 }
 
@@ -135,7 +138,7 @@ mod tests {
     #[test]
     fn pops_in_order_of_cost_then_rank() {
         let rank: Vec<u32> = (0..100).rev().collect();
-        let mut queue = Queue::new(100);
+        let mut queue = Queue::new(rank.clone());
         let mut expected: Vec<Option<f64>> = vec![None; 100];
         let first = |expected: &[Option<f64>]| {
             let known = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (c, rank[v], v)));
@@ -150,7 +153,7 @@ mod tests {
             if round % 1000 == 0 {
                 expected = (0..100).map(|v| (v % 3 != 0).then_some((v * 7 % 10) as f64)).collect();
                 let costs = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (v as u32, c)));
-                queue.fill(costs, &rank);
+                queue.fill(costs);
             }
             if random() % 4 == 0 {
                 let popped = first(&expected);
@@ -161,7 +164,7 @@ mod tests {
                 }
             } else {
                 let (v, cost) = (random() % 100, (random() % 10) as f64);
-                queue.set(v as u32, cost, rank[v]);
+                queue.set(v as u32, cost);
                 expected[v] = Some(cost);
             }
         }
