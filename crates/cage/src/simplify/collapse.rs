@@ -16,7 +16,7 @@ use glam::DVec3;
 use pliant_mesh::{Topology, face_area_vector};
 use rayon::prelude::*;
 
-use super::fans::{Fans, Renamed, Wedge};
+use super::fans::{Fans, Renamed};
 
 /// How strictly the geometry of new faces is judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,29 +51,16 @@ pub(super) struct Working {
 }
 
 impl Working {
-    /// A working copy of a mesh whose vertices are renumbered: `order` has the old number of each, `rank` the new.
-    pub(super) fn new(topology: &Topology, sites: Vec<Site>, order: &[u32], rank: &[u32]) -> Self {
-        let boundary = topology.boundary_vertices();
-        let mut locked: Vec<bool> = order.par_iter().map(|&v| topology.fan_count(v as usize) > 1).collect();
+    /// A working copy of a mesh.
+    pub(super) fn new(topology: &Topology, sites: Vec<Site>) -> Self {
+        let mut locked: Vec<bool> = (0..sites.len()).into_par_iter().map(|v| topology.fan_count(v) > 1).collect();
         for (e, &[a, b]) in topology.edges().iter().enumerate() {
             if topology.edge_faces(e).len() > 2 {
-                locked[rank[a as usize] as usize] = true;
-                locked[rank[b as usize] as usize] = true;
+                locked[a as usize] = true;
+                locked[b as usize] = true;
             }
         }
-        let row = |&v: &u32| {
-            topology.vertex_faces(v as usize).iter().map(move |&f| {
-                let face = topology.triangles()[f as usize];
-                let place = face.iter().position(|&w| w == v).unwrap_or(0);
-                Wedge::new(face.map(|w| rank[w as usize]), place)
-            })
-        };
-        Self {
-            sites,
-            fans: Fans::new(order.iter().map(row)),
-            boundary: order.iter().map(|&v| boundary[v as usize]).collect(),
-            locked,
-        }
+        Self { sites, fans: Fans::new(topology), boundary: topology.boundary_vertices(), locked }
     }
 
     /// Whether `v` is there, with faces, and not locked.

@@ -1,3 +1,5 @@
+use pliant_mesh::Topology;
+
 /// The faces round each vertex of a mesh in which vertices are merged.
 ///
 /// A row of wedges per vertex, all in one array; a row that outgrows its place moves to the end with room to spare. That a
@@ -81,12 +83,19 @@ pub(super) struct Renamed {
 const ROOM: u32 = 8;
 
 impl Fans {
-    pub(super) fn new<R: Iterator<Item = Wedge>>(rows: impl Iterator<Item = R>) -> Self {
-        let (mut wedges, mut spans) = (Vec::new(), Vec::new());
-        for row in rows {
-            let start = wedges.len();
-            wedges.extend(row);
-            let length = (wedges.len() - start) as u32;
+    /// The fans of a mesh.
+    pub(super) fn new(topology: &Topology) -> Self {
+        let n = topology.vertex_count();
+        let mut wedges = Vec::with_capacity(ROOM as usize * n);
+        let mut spans = Vec::with_capacity(n);
+        for v in 0..n {
+            let (start, faces) = (wedges.len(), topology.vertex_faces(v));
+            for &f in faces {
+                let face = topology.triangles()[f as usize];
+                let place = if face[0] as usize == v { 0 } else { 1 + usize::from(face[2] as usize == v) };
+                wedges.push(Wedge::new(face, place));
+            }
+            let length = faces.len() as u32;
             let room = if length > 0 { length.max(ROOM) } else { 0 };
             wedges.resize(start + room as usize, Wedge::default());
             spans.push(Span { start: start as u32, length, room, mark: 0 });

@@ -5,7 +5,6 @@ use pliant_mesh::{Progress, TriMesh, face_area_vector};
 use rayon::prelude::*;
 
 use super::collapse::{Guard, Site, Working};
-use super::order::along_z_curve;
 use super::quadric::Quadric;
 use super::queue::Queue;
 use super::{Simplified, SimplifyReport};
@@ -27,12 +26,7 @@ const GUARDS: [Guard; 3] = [
 /// are put off rather than forbidden: some scans consist of them.
 const GOOD_QUALITY: f64 = 0.2;
 
-/// Vertices go by their rank along a curve through space, so that neighbours share lines of the cache; ties are broken by the
-/// shape's numbers.
 pub(super) struct Simplifier {
-    /// Shape vertex of each rank, and the other way round.
-    order: Vec<u32>,
-    rank: Vec<u32>,
     working: Working,
     quadrics: Vec<Quadric>,
     /// Cheapest neighbour of each vertex that may move, legal or not.
@@ -60,7 +54,7 @@ struct Target {
     vertex: u32,
 }
 
-/// The cheapest neighbour of a vertex, the lowest number first, and a cost that no other neighbour falls below.
+/// The cheapest neighbour of a vertex, the lower number first, and a cost that no other neighbour falls below.
 #[derive(Debug, Clone, Copy)]
 struct Cheapest {
     best: Target,
@@ -70,10 +64,9 @@ struct Cheapest {
 impl Cheapest {
     const NONE: Self = Self { best: Target { cost: f64::INFINITY, vertex: u32::MAX }, others: f64::INFINITY };
 
-    /// Takes another neighbour into account. `order` has the numbers that decide ties.
-    fn offer(&mut self, target: Target, order: &[u32]) {
-        let number = |t: Target| order.get(t.vertex as usize);
-        if target.cost < self.best.cost || target.cost == self.best.cost && number(target) < number(self.best) {
+    /// Takes another neighbour into account.
+    fn offer(&mut self, target: Target) {
+        if target.cost < self.best.cost || target.cost == self.best.cost && target.vertex < self.best.vertex {
             self.others = self.best.cost;
             self.best = target;
         } else if target.cost < self.others {
@@ -95,20 +88,15 @@ impl Simplifier {
         let n = shape.vertex_count();
         let (centre, scale) = shape.bounds().normal_frame();
         let positions: Vec<DVec3> = shape.positions.par_iter().map(|p| (*p - centre) * scale).collect();
-        let order = along_z_curve(&positions);
-        let mut rank = vec![0; n];
-        for (new, &old) in order.iter().enumerate() {
-            rank[old as usize] = new as u32;
-        }
         let unused = (0..n).filter(|&v| topology.vertex_faces(v).is_empty()).count();
         let (mut sites, mut quadrics) = (Vec::new(), Vec::new());
-        let site = |&v: &u32| vertex_site(shape, &positions, boundary_weight, v);
-        order.par_iter().map(site).unzip_into_vecs(&mut sites, &mut quadrics);
+        let site = |v: usize| vertex_site(shape, &positions, boundary_weight, v);
+        (0..n).into_par_iter().map(site).unzip_into_vecs(&mut sites, &mut quadrics);
         let mut simplifier = Self {
-            working: Working::new(topology, sites, &order, &rank),
+            working: Working::new(topology, sites),
             quadrics,
             cheapest: Vec::new(),
-            queue: Queue::new(order.clone()),
+            queue: Queue::new(n),
             owner: (0..n as u32).collect(),
             count: n - unused,
             unused,
@@ -118,8 +106,6 @@ impl Simplifier {
             error: 0.0,
             ring: Vec::new(),
             others: Vec::new(),
-            order,
-            rank,
         };
         simplifier.cheapest = (0..n as u32).into_par_iter().map(|v| simplifier.find_cheapest(v)).collect();
         simplifier
@@ -131,7 +117,7 @@ impl Simplifier {
         let smallest = asked.is_some_and(|asked| asked <= 4 * self.components);
         for guard in &GUARDS[..if smallest { GUARDS.len() } else { 1 }] {
             let (working, cheapest) = (&self.working, &self.cheapest);
-            let moving = (0..self.order.len() as u32).filter(|&v| working.may_move(v));
+            let moving = (0..self.owner.len() as u32).filter(|&v| working.may_move(v));
             self.queue.fill(moving.map(|v| (v, cheapest[v as usize].best.cost)));
             while self.count > target {
                 let Some(u) = self.queue.pop() else { break };
@@ -160,8 +146,7 @@ impl Simplifier {
             others.clear();
             let cheaper = |t: &Target| t.vertex != first.vertex && t.cost < best.cost;
             self.for_each_target(u, |t| others.extend(Some(t).filter(cheaper)));
-            let number = |t: &Target| self.order[t.vertex as usize];
-            others.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(number(a).cmp(&number(b))));
+            others.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.vertex.cmp(&b.vertex)));
             for &other in others.iter() {
                 if other.cost >= best.cost {
                     break;
@@ -216,14 +201,14 @@ impl Simplifier {
         let grew = at_home >= before;
 
         let mut ring = std::mem::take(&mut self.ring);
-        let (cheapest, quadrics, order) = (&mut self.cheapest, &self.quadrics, &self.order);
+        let (cheapest, quadrics) = (&mut self.cheapest, &self.quadrics);
         self.working.collapse(u, v, &mut ring, |w, renamed, is_open| {
             let known = &mut cheapest[w as usize];
             if known.best.vertex == u {
                 // The cost of a vertex that is gone; below it is that of `v`.
                 known.best.vertex = v;
             } else if !renamed.lost && (renamed.followed || is_open) && at_home <= known.others {
-                known.offer(Target { cost: quadrics[w as usize].at(position) + at_home, vertex: v }, order);
+                known.offer(Target { cost: quadrics[w as usize].at(position) + at_home, vertex: v });
             }
         });
         self.owner[u as usize] = v;
@@ -253,7 +238,7 @@ impl Simplifier {
     /// The cheapest neighbour of `u`.
     fn find_cheapest(&self, u: u32) -> Cheapest {
         let mut cheapest = Cheapest::NONE;
-        self.for_each_target(u, |t| cheapest.offer(t, &self.order));
+        self.for_each_target(u, |t| cheapest.offer(t));
         cheapest
     }
 
@@ -284,17 +269,14 @@ impl Simplifier {
     }
 
     pub(super) fn finish(mut self, shape: &TriMesh, asked: Option<usize>) -> Result<Simplified, CageError> {
-        let mut origin: Vec<u32> = Vec::with_capacity(self.count);
-        // Numbers of cage vertices, by rank.
-        let mut number = vec![Simplified::NO_OWNER; self.order.len()];
-        for (v, &r) in self.rank.iter().enumerate() {
-            if self.working.fans.face_count(r) > 0 {
-                number[r as usize] = origin.len() as u32;
-                origin.push(v as u32);
-            }
+        let n = self.owner.len() as u32;
+        let origin: Vec<u32> = (0..n).filter(|&v| self.working.fans.face_count(v) > 0).collect();
+        let mut number = vec![Simplified::NO_OWNER; self.owner.len()];
+        for (new, &old) in origin.iter().enumerate() {
+            number[old as usize] = new as u32;
         }
         compress(&mut self.owner);
-        let owner: Vec<u32> = self.rank.par_iter().map(|&r| number[self.owner[r as usize] as usize]).collect();
+        let owner: Vec<u32> = self.owner.iter().map(|&v| number[v as usize]).collect();
         // A face is gone once two of its corners are one. One that was not touched is as it was, even if the shape folds there.
         let kept = |t: &&[u32; 3]| {
             let [a, b, c] = t.map(|v| owner[v as usize]);
@@ -303,8 +285,8 @@ impl Simplifier {
         let faces: Vec<[u32; 3]> =
             shape.triangles().par_iter().filter(kept).map(|t| t.map(|v| owner[v as usize])).collect();
         let flipped = shape.triangles().par_iter().filter(kept).filter(|t| {
-            let now = t.map(|v| self.owner[self.rank[v as usize] as usize]);
-            now != t.map(|v| self.rank[v as usize]) && self.working.is_flipped(now)
+            let now = t.map(|v| self.owner[v as usize]);
+            now != **t && self.working.is_flipped(now)
         });
         let report = SimplifyReport {
             asked,
@@ -335,12 +317,12 @@ fn compress(parent: &mut [u32]) {
 
 /// Site and quadric of shape vertex `v` (Garland and Heckbert, Section 5): planes of the incident faces weighted by area, and
 /// steep planes through boundary edges.
-fn vertex_site(shape: &TriMesh, positions: &[DVec3], boundary_weight: f64, v: u32) -> (Site, Quadric) {
+fn vertex_site(shape: &TriMesh, positions: &[DVec3], boundary_weight: f64, v: usize) -> (Site, Quadric) {
     let topology = shape.topology();
-    let position = positions[v as usize];
+    let position = positions[v];
     let mut site = Site { position, ..Site::default() };
     let mut quadric = Quadric::default();
-    for &f in topology.vertex_faces(v as usize) {
+    for &f in topology.vertex_faces(v) {
         let t = shape.triangles()[f as usize];
         let p = t.map(|w| positions[w as usize]);
         let area_vector = face_area_vector(p);
@@ -349,7 +331,7 @@ fn vertex_site(shape: &TriMesh, positions: &[DVec3], boundary_weight: f64, v: u3
         let Some(normal) = area_vector.try_normalize() else { continue };
         for (k, e) in topology.face_edges(f as usize).into_iter().enumerate() {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            if t[k] != v && topology.is_boundary_edge(e as usize) {
+            if t[k] as usize != v && topology.is_boundary_edge(e as usize) {
                 let side = p[j] - p[i];
                 let weight = boundary_weight * side.length_squared();
                 if let Some(across) = side.cross(normal).try_normalize() {

@@ -5,7 +5,6 @@
 mod collapse;
 mod fans;
 mod greedy;
-mod order;
 mod quadric;
 mod queue;
 

@@ -1,7 +1,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Vertices by cost, the least first, in which costs can be changed; ties go to the lower rank.
+/// Vertices by cost, the least first, in which costs can be changed; ties go to the lower number.
 ///
 /// Round a collapse most costs grow, several times before their turn comes. So a cost that grows is only written down, and
 /// the vertex filed anew once its old entry comes up. Only entries of the lowest costs are in a heap, which is small
@@ -13,10 +13,9 @@ pub(super) struct Queue {
     /// The bucket that was last poured into the heap, where all lower costs go too.
     poured: usize,
     slots: Vec<Slot>,
-    rank: Vec<u32>,
 }
 
-/// Bits of the cost, which is not negative; then the rank; then the vertex. One comparison orders by all.
+/// Bits of the cost, which is not negative, then the vertex. One comparison orders by all.
 type Entry = u128;
 
 /// What a vertex costs, and what its entry says, which is no more; NaN if it is not in the queue.
@@ -44,10 +43,10 @@ fn bucket_of(cost: f64) -> usize {
 }
 
 impl Queue {
-    /// An empty queue of vertices with these ranks.
-    pub(super) fn new(rank: Vec<u32>) -> Self {
+    /// An empty queue.
+    pub(super) fn new(vertex_count: usize) -> Self {
         let buckets = vec![Vec::new(); bucket_of(f64::INFINITY) + 1];
-        Self { heap: BinaryHeap::new(), buckets, poured: 0, slots: vec![OUT; rank.len()], rank }
+        Self { heap: BinaryHeap::new(), buckets, poured: 0, slots: vec![OUT; vertex_count] }
     }
 
     /// Replaces what is in the queue by vertices with their costs (0 or above).
@@ -119,8 +118,7 @@ impl Queue {
 
     fn file(&mut self, vertex: u32, cost: f64) {
         self.slots[vertex as usize] = Slot { cost, filed: cost };
-        let rank = self.rank[vertex as usize];
-        let entry = u128::from(cost.to_bits()) << 64 | u128::from(rank) << 32 | u128::from(vertex);
+        let entry = u128::from(cost.to_bits()) << 64 | u128::from(vertex);
         let bucket = bucket_of(cost);
         if bucket <= self.poured {
             self.heap.push(Reverse(entry));
@@ -134,14 +132,13 @@ impl Queue {
 mod tests {
     use super::*;
 
-    /// Random sets, changes and pops against a list searched from end to end. Ranks run against the numbers of vertices.
+    /// Random sets, changes and pops against a list searched from end to end.
     #[test]
-    fn pops_in_order_of_cost_then_rank() {
-        let rank: Vec<u32> = (0..100).rev().collect();
-        let mut queue = Queue::new(rank.clone());
+    fn pops_in_order_of_cost_then_number() {
+        let mut queue = Queue::new(100);
         let mut expected: Vec<Option<f64>> = vec![None; 100];
         let first = |expected: &[Option<f64>]| {
-            let known = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (c, rank[v], v)));
+            let known = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (c, v)));
             known.min_by(|a, b| a.partial_cmp(b).expect("no NaN"))
         };
         let mut state = 7u64;
@@ -158,8 +155,8 @@ mod tests {
             if random() % 4 == 0 {
                 let popped = first(&expected);
                 assert_eq!(queue.least(), popped.map_or(f64::INFINITY, |p| p.0));
-                assert_eq!(queue.pop(), popped.map(|p| p.2 as u32));
-                if let Some((_, _, v)) = popped {
+                assert_eq!(queue.pop(), popped.map(|p| p.1 as u32));
+                if let Some((_, v)) = popped {
                     expected[v] = None;
                 }
             } else {
@@ -169,7 +166,7 @@ mod tests {
             }
         }
         let order = std::iter::from_fn(|| {
-            let (_, _, v) = first(&expected)?;
+            let (_, v) = first(&expected)?;
             expected[v] = None;
             Some(v as u32)
         });
