@@ -15,7 +15,7 @@ use std::error::Error;
 use std::time::Instant;
 
 use pliant::{
-    CageSize, Detail, Iterations, Method, Propagation, Prune, Scene, Silent, SweepPlan, SweepReport, SweepRow,
+    BindOptions, CageSize, Detail, Iterations, Method, Propagation, Scene, Silent, SweepPlan, SweepReport, SweepRow,
     SweepSize, creature, sweep,
 };
 
@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let plan = SweepPlan {
         sizes: cages.into_iter().chain([SweepSize::None]).collect(),
         propagations: vec![Propagation::Frames],
-        prunes: vec![Prune::default()],
+        bindings: vec![BindOptions::default()],
         methods: vec![Method::default()],
         iterations: vec![Iterations::Count(2)],
         steps: 20,

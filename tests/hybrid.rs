@@ -2,15 +2,15 @@
 
 use pliant::glam::DVec3;
 use pliant::{
-    ArapOptions, Iterations, Method, Propagation, Prune, Scene, Schedule, Silent, Study, SweepPlan, SweepReport,
-    SweepRow, SweepSize, TriMesh, creature, shapes, sweep,
+    ArapOptions, BindOptions, Iterations, Method, Propagation, Prune, Scene, Schedule, Silent, Study, SweepPlan,
+    SweepReport, SweepRow, SweepSize, TriMesh, creature, shapes, sweep,
 };
 
 fn plan(sizes: &[&str]) -> SweepPlan {
     SweepPlan {
         sizes: sizes.iter().map(|s| s.parse().expect("a size")).collect(),
         propagations: vec![Propagation::Frames],
-        prunes: vec![Prune::default()],
+        bindings: vec![BindOptions::default()],
         methods: vec![Method::default()],
         iterations: vec![Iterations::Count(2)],
         steps: 1,
@@ -69,7 +69,7 @@ fn most_of_the_error_of_positions_is_there_at_rest() {
     // As the paper drags: by small steps, so that the solver's own error is small.
     plan.steps = 20;
     plan.propagations = vec![Propagation::Positions, Propagation::Frames];
-    plan.prunes = vec![Prune::PAPER];
+    plan.bindings = vec![Prune::PAPER.into()];
     plan.methods = vec![Method::Arap(ArapOptions::faithful())];
     let report = run(&shape, &creature_scene(), &plan);
     let [positions, frames] = &report.rows[..] else { panic!("two rows") };
@@ -173,7 +173,7 @@ fn sweeps_make_every_combination_once() {
     let shape = shapes::cylinder(0.4, 3.0, 16, 30, 3).expect("valid");
     let plan = SweepPlan {
         propagations: vec![Propagation::Positions, Propagation::Frames],
-        prunes: vec![Prune::PAPER, Prune::default(), Prune::Smooth { neighbours: 8 }],
+        bindings: vec![Prune::PAPER.into(), BindOptions::default(), Prune::Smooth { neighbours: 8 }.into()],
         iterations: vec![Iterations::Count(0), Iterations::Count(2)],
         ..plan(&["10%", "20%", "none"])
     };

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use pliant::glam::DVec3;
 use pliant::{
-    Binding, CageSize, Iterations, Method, Propagation, Prune, Scene, Silent, SweepPlan, TriMesh, read, simplify,
-    sweep, vertex_normals,
+    BindOptions, Binding, CageSize, Iterations, Method, Propagation, Prune, Scene, Silent, SweepPlan, TriMesh, read,
+    simplify, sweep, vertex_normals,
 };
 
 /// Fetched models of at most `most` vertices: path and mesh.
@@ -75,7 +75,7 @@ fn no_model_blows_up() {
         let plan = SweepPlan {
             sizes: vec!["5%".parse().expect("a size"), "none".parse().expect("a size")],
             propagations: vec![Propagation::default()],
-            prunes: vec![Prune::default()],
+            bindings: vec![BindOptions::default()],
             methods: vec![Method::default()],
             iterations: vec![Iterations::Count(2)],
             steps: 1,

@@ -28,6 +28,14 @@ pub enum CageError {
         /// How many.
         entries: usize,
     },
+    /// A cage is bound to another shape than it was made of.
+    #[error("the cage was made of a shape of {expected} vertices, this one has {found}")]
+    OtherShape {
+        /// Vertices of the shape that was simplified.
+        expected: usize,
+        /// Vertices of the shape given.
+        found: usize,
+    },
     /// The computation was told to stop ([`pliant_mesh::Progress::is_cancelled`]).
     #[error("{what} was cancelled")]
     Cancelled {

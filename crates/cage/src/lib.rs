@@ -8,11 +8,14 @@
 mod binding;
 mod error;
 mod mean_value;
+mod packed;
 mod propagate;
 mod prune;
 mod report;
 mod rows;
 mod simplify;
+mod sparse;
+mod support;
 
 pub use binding::{BindOptions, Binding};
 pub use error::CageError;
@@ -21,3 +24,4 @@ pub use propagate::{Propagation, Propagator};
 pub use prune::Prune;
 pub use report::{BindReport, UNSAFE_MAGNITUDE};
 pub use simplify::{CageSize, Simplified, SimplifyOptions, SimplifyReport, simplify};
+pub use support::Support;

@@ -77,14 +77,13 @@ impl MeanValue {
     /// # Panics
     /// If `row` has not one entry per cage vertex.
     pub fn coordinates(&self, point: DVec3, row: &mut [f64]) -> bool {
-        self.coordinates_with(point, row, &mut Corners::default())
+        self.coordinates_with(self.to_frame(point), row, &mut Corners::default())
     }
 
-    /// [`Self::coordinates`] with memory kept from point to point.
-    pub(crate) fn coordinates_with(&self, point: DVec3, row: &mut [f64], corners: &mut Corners) -> bool {
+    /// [`Self::coordinates`] of a point of the normal frame, with memory kept from point to point.
+    pub(crate) fn coordinates_with(&self, x: DVec3, row: &mut [f64], corners: &mut Corners) -> bool {
         assert_eq!(row.len(), self.positions.len());
         row.fill(0.0);
-        let x = self.to_frame(point);
         corners.look_from(x, self);
         for face in 0..self.faces.len() {
             let weights = match self.shared_weights(face, corners) {

@@ -1,13 +1,16 @@
 use std::fmt;
 use std::str::FromStr;
 
-use glam::{DMat3, DVec3};
-use pliant_mesh::{Bounds, FrameFit, Frames};
+use glam::{DMat3, DVec3, Vec3};
+use pliant_mesh::{FrameFit, Frames, NormalBuffer};
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::CageError;
 use crate::binding::Binding;
+use crate::packed::{Finish, Lanes, Move, Real, left_of_one};
+use crate::sparse::Rows;
 
 /// How a shape vertex follows its cage vertices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -15,8 +18,9 @@ use crate::binding::Binding;
 pub enum Propagation {
     /// `x' = sum_j c_j y'_j` (Borosan et al. 2010, Eq. 5). Pruned rows move the shape a little even at rest.
     Positions,
-    /// `x' = sum_j c_j (y'_j + M_j (x - y_j))` with the frame `M_j` of each cage vertex ([`Frames`]). Rest gives rest exactly,
-    /// and any rigid motion of the cage is one of the shape. The default.
+    /// `x' = sum_j c_j (y'_j + M_j (x - y_j))` with the frame `M_j` of each cage vertex ([`Frames`]), these affine motions averaged on
+    /// the cage first ([`BindOptions::smoothing`](crate::BindOptions::smoothing)). Rest gives rest exactly, and any rigid motion of
+    /// the cage is one of the shape. The default.
     #[default]
     Frames,
 }
@@ -48,15 +52,21 @@ pub struct Propagator {
     propagation: Propagation,
     fit: FrameFit,
     frames: Frames,
-    moves: Vec<Move>,
+    double: Motions<f64>,
+    single: Motions<f32>,
+    normals: NormalBuffer,
 }
 
-/// What a cage vertex does to a point `x` (relative to a centre): moves it by `linear x + offset`.
-#[derive(Debug, Clone, Copy, Default)]
-struct Move {
-    linear: DMat3,
-    offset: DVec3,
+/// What the cage's vertices do, in the order of their ranks.
+#[derive(Debug, Clone, Default)]
+struct Motions<T> {
+    moves: Vec<Move<T>>,
+    smoothed: Vec<Move<T>>,
+    positions: Vec<[T; 4]>,
 }
+
+/// Cage vertices that one task averages or converts.
+const GRAIN: usize = 512;
 
 impl Propagator {
     /// Propagation by positions, or by frames that turn.
@@ -79,55 +89,192 @@ impl Propagator {
     pub fn apply(&mut self, binding: &Binding, cage_pose: &[DVec3], shape: &mut [DVec3]) {
         assert_eq!(cage_pose.len(), binding.cage_vertex_count());
         assert_eq!(shape.len(), binding.shape_vertex_count());
+        let packed = &binding.packed;
         match self.propagation {
-            Propagation::Positions => for_each_row(binding, shape, |_, indices, weights| {
-                // Written with differences, so that a row sums to 1 exactly whatever its rounding: far from the origin
-                // f32 weights would otherwise lose digits.
-                let first = cage_pose[indices[0] as usize];
-                indices[1..]
-                    .iter()
-                    .zip(&weights[1..])
-                    .fold(first, |p, (&j, &c)| p + f64::from(c) * (cage_pose[j as usize] - first))
-            }),
-            Propagation::Frames => self.apply_frames(binding, cage_pose, shape),
+            Propagation::Positions => {
+                self.double.place(&packed.by_rank, cage_pose, DVec3::ZERO);
+                packed.sum(&self.double.positions, shape, &Place(DVec3::ZERO));
+            }
+            Propagation::Frames => {
+                self.frames.fit(&binding.cage_topology, &binding.cage, cage_pose, self.fit);
+                let moves = self.double.follow(binding, cage_pose, &self.frames.matrices);
+                packed.sum(moves, shape, &Double { binding, pose: cage_pose });
+            }
         }
     }
 
-    fn apply_frames(&mut self, binding: &Binding, pose: &[DVec3], shape: &mut [DVec3]) {
-        self.frames.fit(&binding.cage_topology, &binding.cage, pose, self.fit);
-        let centre = Bounds::of(&binding.cage).centre();
-        self.moves.resize(pose.len(), Move::default());
-        for (j, step) in self.moves.iter_mut().enumerate() {
-            // y' + M (x - y) = x + (M - 1) (x - y) + (y' - y): at rest nothing is added, not even rounding.
-            let linear = self.frames.matrices[j] - DMat3::IDENTITY;
-            let offset = (pose[j] - binding.cage[j]) - linear * (binding.cage[j] - centre);
-            *step = Move { linear, offset };
-        }
-        let moves = &self.moves;
-        for_each_row(binding, shape, |x, indices, weights| {
-            if let [j] = *indices
-                && x == binding.cage[j as usize]
-            {
-                // A cage vertex itself: exactly where the cage has it.
-                return pose[j as usize];
+    /// Writes the shape's vertices for a pose of the cage in single precision, straight into buffers that leave for a GPU, and its
+    /// normals if a buffer is given.
+    ///
+    /// `cage_pose` has one position per cage vertex; `positions` and `normals` one entry per shape vertex, in the shape's units and
+    /// in its order. Positions differ from those of [`Self::apply`] by rounding: some 1e-7 of the largest coordinate and of the
+    /// motion. At rest, propagation by frames gives the rest positions rounded to f32. Normals are unit length, of the new
+    /// positions, the faces weighted by area; zero where there are none.
+    ///
+    /// In parallel; allocates only on the first call. The time is that of reading [`Binding::propagated_bytes`] from memory, as far
+    /// as the processor keeps up; normals take about as long again.
+    ///
+    /// # Panics
+    /// If a slice has another length than the binding says.
+    pub fn apply_f32(
+        &mut self,
+        binding: &Binding,
+        cage_pose: &[DVec3],
+        positions: &mut [Vec3],
+        normals: Option<&mut [Vec3]>,
+    ) {
+        assert_eq!(cage_pose.len(), binding.cage_vertex_count());
+        assert_eq!(positions.len(), binding.shape_vertex_count());
+        let packed = &binding.packed;
+        // Exact: the centre was rounded to f32.
+        let centre = packed.centre.as_vec3();
+        match self.propagation {
+            Propagation::Positions => {
+                self.single.place(&packed.by_rank, cage_pose, packed.centre);
+                packed.sum(&self.single.positions, positions, &Place(centre));
             }
-            let from_centre = x - centre;
-            let moved = |j: u32| moves[j as usize].linear * from_centre + moves[j as usize].offset;
-            // The first weight is what the others leave of 1, so rows sum to 1 exactly.
-            let first = moved(indices[0]);
-            let step =
-                indices[1..].iter().zip(&weights[1..]).fold(first, |d, (&j, &c)| d + f64::from(c) * (moved(j) - first));
-            x + step
-        });
+            Propagation::Frames => {
+                self.frames.fit(&binding.cage_topology, &binding.cage, cage_pose, self.fit);
+                let moves = self.single.follow(binding, cage_pose, &self.frames.matrices);
+                packed.sum(moves, positions, &Single { centre });
+            }
+        }
+        if let Some(normals) = normals {
+            self.normals.compute(&binding.shape_topology, positions, normals);
+        }
     }
 }
 
-/// Sets every shape vertex to what `follow` makes of its rest position and row.
-fn for_each_row(binding: &Binding, shape: &mut [DVec3], follow: impl Fn(DVec3, &[u32], &[f32]) -> DVec3 + Sync) {
-    shape.par_iter_mut().enumerate().with_min_len(1024).for_each(|(i, position)| {
-        let (indices, weights) = binding.row(i);
-        *position = follow(binding.shape[i], indices, weights);
+/// Positions propagation: the sum is the place, relative to a centre.
+struct Place<V>(V);
+
+impl Finish<f64, 4> for Place<DVec3> {
+    type Point = DVec3;
+    const EXACT: bool = true;
+
+    #[inline(always)]
+    fn finish(&self, _: usize, _: Vec3, _: usize, _: usize, p: &[f64; 4]) -> DVec3 {
+        self.0 + DVec3::new(p[0], p[1], p[2])
+    }
+}
+
+impl Finish<f32, 4> for Place<Vec3> {
+    type Point = Vec3;
+    const EXACT: bool = false;
+
+    #[inline(always)]
+    fn finish(&self, _: usize, _: Vec3, _: usize, _: usize, p: &[f32; 4]) -> Vec3 {
+        self.0 + Vec3::new(p[0], p[1], p[2])
+    }
+}
+
+/// Frames propagation in double precision: the sum is a motion of the exact rest position.
+struct Double<'a> {
+    binding: &'a Binding,
+    pose: &'a [DVec3],
+}
+
+impl Finish<f64, 16> for Double<'_> {
+    type Point = DVec3;
+    const EXACT: bool = true;
+
+    #[inline(always)]
+    fn finish(&self, i: usize, _: Vec3, leading: usize, length: usize, sum: &[f64; 16]) -> DVec3 {
+        let Binding { shape, cage, packed, smoothing, .. } = self.binding;
+        if length == 1 && smoothing.is_none() {
+            // A cage vertex itself: exactly where the cage has it.
+            let j = packed.by_rank[leading] as usize;
+            if shape[i] == cage[j] {
+                return self.pose[j];
+            }
+        }
+        let [x, y, z, _] = step(sum, (shape[i] - packed.centre).to_array());
+        shape[i] + DVec3::new(x, y, z)
+    }
+}
+
+/// Frames propagation in single precision.
+struct Single {
+    centre: Vec3,
+}
+
+impl Finish<f32, 16> for Single {
+    type Point = Vec3;
+    const EXACT: bool = false;
+
+    #[inline(always)]
+    fn finish(&self, _: usize, rest: Vec3, _: usize, _: usize, sum: &[f32; 16]) -> Vec3 {
+        let [x, y, z, _] = step(sum, (rest - self.centre).to_array());
+        rest + Vec3::new(x, y, z)
+    }
+}
+
+/// By how much a motion moves the point `x` from the centre.
+#[inline(always)]
+fn step<T: Real>(m: &[T; 16], x: [T; 3]) -> [T; 4] {
+    std::array::from_fn(|k| m[k] * x[0] + m[4 + k] * x[1] + m[8 + k] * x[2] + m[12 + k])
+}
+
+impl<T: Real> Motions<T> {
+    /// Positions relative to a centre.
+    fn place(&mut self, by_rank: &[u32], pose: &[DVec3], centre: DVec3) {
+        self.positions.clear();
+        self.positions.extend(by_rank.iter().map(|&j| {
+            let [x, y, z] = (pose[j as usize] - centre).to_array().map(T::rounded);
+            [x, y, z, T::default()]
+        }));
+    }
+
+    /// Motions of a pose and its frames, averaged if the binding says so.
+    fn follow(&mut self, binding: &Binding, pose: &[DVec3], frames: &[DMat3]) -> &[Move<T>] {
+        let (centre, by_rank) = (binding.packed.centre, &binding.packed.by_rank);
+        self.moves.resize(pose.len(), Move::default());
+        self.moves.par_iter_mut().zip(by_rank).with_min_len(GRAIN).for_each(|(step, &j)| {
+            let j = j as usize;
+            // y' + M (x - y) = x + (M - 1) (x - y) + (y' - y): at rest nothing is added, not even rounding.
+            let linear = frames[j] - DMat3::IDENTITY;
+            let offset = (pose[j] - binding.cage[j]) - linear * (binding.cage[j] - centre);
+            let columns = [linear.x_axis, linear.y_axis, linear.z_axis, offset];
+            let lane = |k: usize| if k % 4 < 3 { T::rounded(columns[k / 4][k % 4]) } else { T::default() };
+            step.0 = std::array::from_fn(lane);
+        });
+        match &binding.smoothing {
+            None => &self.moves,
+            Some(rows) => {
+                self.smoothed.resize(pose.len(), Move::default());
+                average(rows, &self.moves, &mut self.smoothed);
+                &self.smoothed
+            }
+        }
+    }
+}
+
+/// `smoothed[r] = sum_k w_k moves[k]` over row `r`, the leading weight being what the others leave of 1.
+fn average<T: Real>(rows: &Rows, moves: &[Move<T>], smoothed: &mut [Move<T>]) {
+    let arch = pulp::Arch::new();
+    smoothed.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, smoothed)| {
+        arch.dispatch(Average { rows, first: chunk * GRAIN, moves, smoothed });
     });
+}
+
+/// The work on one stretch of rows, compiled for the widest vectors there are.
+struct Average<'a, T> {
+    rows: &'a Rows,
+    first: usize,
+    moves: &'a [Move<T>],
+    smoothed: &'a mut [Move<T>],
+}
+
+impl<T: Real> WithSimd for Average<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (at, to) in self.smoothed.iter_mut().enumerate() {
+            let (indices, weights) = self.rows.row(self.first + at);
+            to.0 = Move::sum(simd, self.moves, (indices, weights), left_of_one(&weights[1..]));
+        }
+    }
 }
 
 impl Binding {

@@ -22,19 +22,19 @@ pub enum Prune {
     /// [`Prune::Smooth`]; these take more where coordinates lie beyond the nearest vertices, and all at a cage vertex, so that
     /// surfaces stay smooth across it. The default, with 24 neighbours.
     Local {
-        /// Cage vertices per row, at least 1.
+        /// Cage vertices per row, at least 1; a few more where some count in part only ([`Support::Surface`](crate::Support::Surface)).
         neighbours: usize,
     },
     /// `(1 - d_j / d_(k+1))^2` over the nearest cage vertices, without coordinates: never unsafe, less exact on round shapes.
     Smooth {
-        /// Cage vertices per row, at least 1.
+        /// Cage vertices per row, at least 1; see [`Prune::Local`].
         neighbours: usize,
     },
 }
 
 impl Default for Prune {
     fn default() -> Self {
-        Self::Local { neighbours: 24 }
+        Self::Smooth { neighbours: 12 }
     }
 }
 
@@ -67,7 +67,7 @@ impl fmt::Display for Prune {
     }
 }
 
-/// Reads `none`, `magnitude:0.03`, `magnitude:3%`, `local:24` or `smooth:24`; a rule without a number takes its default.
+/// Reads `none`, `magnitude:0.03`, `magnitude:3%`, `local:24` or `smooth:12`; a rule without a number takes the one named here.
 impl FromStr for Prune {
     type Err = CageError;
 
@@ -77,7 +77,7 @@ impl FromStr for Prune {
             Some((rule, number)) => (rule, Some(number)),
             None => (text, None),
         };
-        let neighbours = || number.map_or(Ok(24), |n| n.parse().map_err(|_| bad()));
+        let neighbours = |usual| number.map_or(Ok(usual), |n| n.parse().map_err(|_| bad()));
         let prune = match rule {
             "none" if number.is_none() => Self::None,
             "magnitude" => Self::Magnitude(match number {
@@ -87,8 +87,8 @@ impl FromStr for Prune {
                     None => n.parse().map_err(|_| bad())?,
                 },
             }),
-            "local" => Self::Local { neighbours: neighbours()? },
-            "smooth" => Self::Smooth { neighbours: neighbours()? },
+            "local" => Self::Local { neighbours: neighbours(24)? },
+            "smooth" => Self::Smooth { neighbours: neighbours(12)? },
             _ => return Err(bad()),
         };
         prune.check()?;
@@ -158,7 +158,8 @@ mod tests {
             assert_eq!(rule.to_string().parse(), Ok(rule));
         }
         assert_eq!("magnitude:3%".parse(), Ok(Prune::PAPER));
-        assert_eq!("local".parse(), Ok(Prune::default()));
+        assert_eq!("local".parse(), Ok(Prune::Local { neighbours: 24 }));
+        assert_eq!("smooth".parse(), Ok(Prune::default()));
         for wrong in ["", "local:0", "local:-1", "magnitude:1", "magnitude:nan", "none:3", "nearest:4"] {
             assert!(wrong.parse::<Prune>().is_err(), "{wrong}");
         }

@@ -41,30 +41,30 @@ pub struct BindReport {
 pub const UNSAFE_MAGNITUDE: f64 = 3.0;
 
 impl BindReport {
-    pub(crate) fn of(binding: &Binding, facts: &[RowFacts]) -> Self {
+    pub(crate) fn of(binding: &Binding, facts: RowFacts) -> Self {
         let rows = binding.shape_vertex_count();
         let mut kept: Vec<usize> = (0..rows).map(|i| binding.row(i).0.len()).collect();
         kept.sort_unstable();
         let quantile = |share: f64| kept.get(((share * rows as f64).ceil() as usize).max(1) - 1).copied().unwrap_or(0);
         let magnitude = |i: usize| binding.row(i).1.iter().map(|w| f64::from(w.abs())).sum::<f64>();
         let magnitudes: Vec<f64> = (0..rows).map(magnitude).collect();
-        let negative = binding.weights.iter().filter(|w| **w < 0.0).count();
+        let negative = binding.rows.weights.iter().filter(|w| **w < 0.0).count();
         let (rest_error_rms, rest_error_max) = rest_error(binding);
         let topology = &binding.cage_topology;
         Self {
             rows,
-            kept_mean: binding.weights.len() as f64 / rows.max(1) as f64,
+            kept_mean: binding.rows.weights.len() as f64 / rows.max(1) as f64,
             kept_median: quantile(0.5),
             kept_p99: quantile(0.99),
             kept_max: quantile(1.0),
             rest_error_rms,
             rest_error_max,
-            negative_share: negative as f64 / binding.weights.len().max(1) as f64,
+            negative_share: negative as f64 / binding.rows.weights.len().max(1) as f64,
             largest_magnitude: magnitudes.iter().copied().fold(0.0, f64::max),
             unsafe_rows: magnitudes.iter().filter(|m| **m > UNSAFE_MAGNITUDE).count(),
-            replaced_rows: facts.iter().filter(|f| f.replaced).count(),
+            replaced_rows: facts.replaced,
             cage_open_edges: topology.boundary_edge_count(),
-            linear_precision_error: facts.iter().map(|f| f.precision_error).fold(0.0, f64::max),
+            linear_precision_error: facts.precision_error,
         }
     }
 

@@ -1,22 +1,22 @@
 //! One row of a binding at a time: which cage vertices a shape vertex follows, and how much.
 
-use std::num::NonZero;
-
 use glam::DVec3;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use pliant_mesh::metrics::FaceTree;
 use pliant_mesh::{Topology, TriMesh};
+use rayon::prelude::*;
 
 use crate::mean_value::{Corners, FaceWeights, MeanValue};
 use crate::prune::{Prune, drop_smallest};
+use crate::support::{Group, Near, Neighbourhoods, Support};
 
-/// Makes rows for one cage and prune rule; shared by the threads.
+/// Makes rows for points, one cage and prune rule; shared by the threads.
 pub(crate) struct RowMaker<'a> {
     coordinates: MeanValue,
     cage: &'a Topology,
     prune: Prune,
-    /// Cage vertices in the coordinates' normal frame; `None` if there are none.
-    vertices: Option<ImmutableKdTree<f64, 3>>,
+    neighbourhoods: Neighbourhoods<'a>,
+    /// The points, in the coordinates' normal frame.
+    points: Vec<DVec3>,
     /// Cage faces in the same frame, for the local rule.
     faces: Option<FaceTree>,
 }
@@ -25,24 +25,36 @@ pub(crate) struct RowMaker<'a> {
 pub(crate) struct Scratch {
     dense: Vec<f64>,
     corners: Corners,
+    group: Group,
+    near: Vec<Near>,
+    /// Coordinates of `near`, unnormalised.
     weights: Vec<f64>,
     /// The row made last: (cage vertex, weight), summing to 1, increasing by vertex.
     pub(crate) row: Vec<(u32, f64)>,
     /// Faces already looked at, marked with the current stamp.
     seen: Vec<u32>,
     stamp: u32,
-    /// Where a nearest cage vertex stands in `row`, plus one.
+    /// Where a nearest cage vertex stands in `near`, plus one.
     slot: Vec<u32>,
 }
 
-/// What had to be done to get a row.
+/// What had to be done to get rows.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct RowFacts {
-    /// The weights cancelled, so the row comes from the smooth rule.
-    pub(crate) replaced: bool,
-    /// How far the whole row (nothing dropped) is from linear precision, in units of the normal frame;
-    /// 0 for rules that never form it.
+    /// Rows whose weights cancelled and that come from the smooth rule instead.
+    pub(crate) replaced: usize,
+    /// How far whole rows (nothing dropped) are from linear precision at most, in units of the normal frame;
+    /// 0 for rules that never form them.
     pub(crate) precision_error: f64,
+}
+
+impl RowFacts {
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self {
+            replaced: self.replaced + other.replaced,
+            precision_error: self.precision_error.max(other.precision_error),
+        }
+    }
 }
 
 /// A kept row whose weights sum to less than this share of their magnitudes cannot be scaled to sum 1.
@@ -51,15 +63,32 @@ const CANCELLED: f64 = 1e-9;
 /// Neighbours for rows that have to be replaced under a rule that has no number of its own.
 const REPLACEMENT_NEIGHBOURS: usize = 24;
 
+/// A share of a row's largest weight too small to be worth its time in every drag.
+const TINY: f64 = 5e-3;
+
 impl<'a> RowMaker<'a> {
-    pub(crate) fn new(cage: &'a TriMesh, prune: Prune) -> Self {
+    /// `owners` as in [`Neighbourhoods::new`].
+    pub(crate) fn new(
+        points: &[DVec3],
+        owners: Option<&[u32]>,
+        cage: &'a TriMesh,
+        prune: Prune,
+        support: Support,
+    ) -> Self {
         let coordinates = MeanValue::new(cage);
-        let points: Vec<[f64; 3]> = coordinates.positions().iter().map(DVec3::to_array).collect();
-        let local = matches!(prune, Prune::Local { .. });
+        let points: Vec<DVec3> = points.par_iter().map(|p| coordinates.to_frame(*p)).collect();
+        let (neighbours, owned) = match prune {
+            Prune::Local { neighbours } | Prune::Smooth { neighbours } => (neighbours, &points[..]),
+            // Nearest vertices are needed only for rows that cancel.
+            Prune::None | Prune::Magnitude(_) => (REPLACEMENT_NEIGHBOURS, &[][..]),
+        };
+        let support = if owned.is_empty() { Support::Space } else { support };
+        let positions = coordinates.positions();
         Self {
-            vertices: ImmutableKdTree::new_from_slice(&points).ok(),
-            faces: local.then(|| FaceTree::new(coordinates.positions(), cage.triangles())),
+            neighbourhoods: Neighbourhoods::new(cage.topology(), positions, owned, owners, neighbours, support),
+            faces: matches!(prune, Prune::Local { .. }).then(|| FaceTree::new(positions, cage.triangles())),
             coordinates,
+            points,
             cage: cage.topology(),
             prune,
         }
@@ -68,44 +97,54 @@ impl<'a> RowMaker<'a> {
     pub(crate) fn scratch(&self) -> Scratch {
         let vertices = self.cage.vertex_count();
         let dense = matches!(self.prune, Prune::None | Prune::Magnitude(_));
+        let local = matches!(self.prune, Prune::Local { .. });
         Scratch {
             dense: vec![0.0; if dense { vertices } else { 0 }],
             corners: Corners::default(),
+            group: Group::default(),
+            near: Vec::new(),
             weights: Vec::new(),
             row: Vec::new(),
-            seen: vec![0; self.cage.triangles().len()],
+            seen: vec![0; if local { self.cage.triangles().len() } else { 0 }],
             stamp: 0,
-            slot: vec![0; vertices],
+            slot: vec![0; if local { vertices } else { 0 }],
         }
     }
 
-    /// Makes the row of a point of model space in `scratch.row`.
-    pub(crate) fn make(&self, point: DVec3, scratch: &mut Scratch) -> RowFacts {
+    /// All points, in the order in which their rows are made fastest.
+    pub(crate) fn order(&self) -> Vec<u32> {
+        match self.prune {
+            Prune::None | Prune::Magnitude(_) => (0..self.points.len() as u32).collect(),
+            Prune::Local { .. } | Prune::Smooth { .. } => self.neighbourhoods.order(),
+        }
+    }
+
+    /// Makes the row of point `i` in `scratch.row`.
+    pub(crate) fn make(&self, i: u32, scratch: &mut Scratch) -> RowFacts {
+        let i = i as usize;
         let mut facts = RowFacts::default();
         let made = match self.prune {
-            Prune::None => self.mean_value(point, 0.0, scratch, &mut facts),
-            Prune::Magnitude(share) => self.mean_value(point, share, scratch, &mut facts),
-            Prune::Local { neighbours } => self.local(point, neighbours, scratch),
-            Prune::Smooth { neighbours } => self.smooth(point, neighbours, scratch),
+            Prune::None => self.mean_value(self.points[i], 0.0, scratch, &mut facts),
+            Prune::Magnitude(share) => self.mean_value(self.points[i], share, scratch, &mut facts),
+            Prune::Local { .. } => self.local(i, scratch),
+            Prune::Smooth { .. } => {
+                let beyond = self.neighbourhoods.find(i, self.points[i], &mut scratch.group, &mut scratch.near);
+                smooth(&scratch.near, beyond, &mut scratch.row) && drop_tiny(&mut scratch.row)
+            }
         };
         if !made {
-            facts.replaced = true;
-            let neighbours = match self.prune {
-                Prune::Local { neighbours } | Prune::Smooth { neighbours } => neighbours,
-                Prune::None | Prune::Magnitude(_) => REPLACEMENT_NEIGHBOURS,
-            };
-            self.smooth(point, neighbours, scratch);
+            facts.replaced = 1;
+            self.replace(self.points[i], scratch);
         }
         scratch.row.sort_unstable_by_key(|e| e.0);
         facts
     }
 
     /// All mean value coordinates less the smallest.
-    fn mean_value(&self, point: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
-        if !self.coordinates.coordinates_with(point, &mut scratch.dense, &mut scratch.corners) {
+    fn mean_value(&self, x: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
+        if !self.coordinates.coordinates_with(x, &mut scratch.dense, &mut scratch.corners) {
             return false;
         }
-        let x = self.coordinates.to_frame(point);
         let reproduced: DVec3 = self.coordinates.positions().iter().zip(&scratch.dense).map(|(y, c)| *y * *c).sum();
         facts.precision_error = reproduced.distance(x);
         scratch.row.clear();
@@ -114,56 +153,73 @@ impl<'a> RowMaker<'a> {
         normalise(&mut scratch.row)
     }
 
+    /// Distance weights of the nearest cage vertices in space, where coordinates cancel.
+    fn replace(&self, x: DVec3, scratch: &mut Scratch) {
+        let found = self.neighbourhoods.nearest_in_space(x, REPLACEMENT_NEIGHBOURS + 1, f64::INFINITY);
+        let beyond = match found.get(REPLACEMENT_NEIGHBOURS) {
+            Some(next) => next.0,
+            None => 1.1 * found.last().map_or(0.0, |n| n.0),
+        };
+        let nearest = found.iter().take(REPLACEMENT_NEIGHBOURS);
+        scratch.near.clear();
+        scratch.near.extend(nearest.map(|&(distance, vertex)| Near { distance, vertex, trust: 1.0 }));
+        smooth(&scratch.near, beyond, &mut scratch.row);
+    }
+
     /// Half the positive part of the coordinates over the nearest cage vertices, fading out, and half distance weights; more of
     /// these where the nearest vertices hold only a part of the coordinates.
     ///
     /// Only weights of nearest vertices are needed, so just the faces round them are looked at, and the nearest face:
     /// in the middle of a large one, none of its corners may be among the nearest vertices. Of the normaliser, these faces give
     /// the sign, and an estimate good enough to tell how much of the coordinates the nearest vertices have.
-    fn local(&self, point: DVec3, neighbours: usize, scratch: &mut Scratch) -> bool {
-        let x = self.coordinates.to_frame(point);
-        let fall_off = self.nearest(x, neighbours, scratch);
-        for (at, (j, _)) in scratch.row.iter().enumerate() {
-            scratch.slot[*j as usize] = at as u32 + 1;
+    fn local(&self, i: usize, scratch: &mut Scratch) -> bool {
+        let x = self.points[i];
+        let beyond = self.neighbourhoods.find(i, x, &mut scratch.group, &mut scratch.near);
+        if !smooth(&scratch.near, beyond, &mut scratch.row) {
+            return false;
+        }
+        for (at, near) in scratch.near.iter().enumerate() {
+            scratch.slot[near.vertex as usize] = at as u32 + 1;
         }
         let mut weights = std::mem::take(&mut scratch.weights);
         let others = self.sum_faces(x, scratch, &mut weights);
-        for (j, _) in &scratch.row {
-            scratch.slot[*j as usize] = 0;
+        for near in &scratch.near {
+            scratch.slot[near.vertex as usize] = 0;
         }
         let sign = if weights.iter().sum::<f64>() + others < 0.0 { -1.0 } else { 1.0 };
-        let (mut faded, mut held, mut total, mut smooth) = (0.0, 0.0, (sign * others).max(0.0), 0.0);
-        for (w, far) in weights.iter_mut().zip(&fall_off) {
+        let (mut faded, mut held, mut total) = (0.0, 0.0, (sign * others).max(0.0));
+        let mut from_vertex = 1.0_f64;
+        for (w, near) in weights.iter_mut().zip(&scratch.near) {
+            let far = fall_off(near, beyond);
             *w = (sign * *w).max(0.0);
             total += *w;
             held += *w * (FULL_CREDIT * far).min(1.0);
-            *w *= far;
+            *w *= far * near.trust;
             faded += *w;
-            smooth += far * far;
+            from_vertex = from_vertex.min(1.0 - far);
         }
-        let from_vertex = 1.0 - fall_off.iter().copied().fold(0.0, f64::max);
         let share = match faded > 0.0 {
             true => BLEND * (held / (ENOUGH * total)).min(1.0) * (from_vertex / APART).min(1.0),
             false => 0.0,
         };
-        for ((entry, w), far) in scratch.row.iter_mut().zip(&weights).zip(&fall_off) {
-            let local = if share > 0.0 { share * w / faded } else { 0.0 };
-            entry.1 = local + (1.0 - share) * far * far / smooth;
+        if share > 0.0 {
+            for (entry, w) in scratch.row.iter_mut().zip(&weights) {
+                entry.1 = share * w / faded + (1.0 - share) * entry.1;
+            }
         }
         scratch.weights = weights;
-        scratch.row.retain(|e| e.1 > 0.0);
-        normalise(&mut scratch.row)
+        drop_tiny(&mut scratch.row)
     }
 
-    /// Unnormalised weights of the vertices in `scratch.row` over all faces round them and the nearest face; returns what
+    /// Unnormalised weights of the vertices in `scratch.near` over all faces round them and the nearest face; returns what
     /// these faces give to other vertices.
     fn sum_faces(&self, x: DVec3, scratch: &mut Scratch, weights: &mut Vec<f64>) -> f64 {
         weights.clear();
-        weights.resize(scratch.row.len(), 0.0);
+        weights.resize(scratch.near.len(), 0.0);
         let mut others = 0.0;
         scratch.stamp += 1;
         let nearest = self.faces.as_ref().and_then(|faces| faces.nearest(x)).map(|(face, _)| face);
-        let round = scratch.row.iter().flat_map(|&(j, _)| self.cage.vertex_faces(j as usize).iter().copied());
+        let round = scratch.near.iter().flat_map(|n| self.cage.vertex_faces(n.vertex as usize).iter().copied());
         for f in nearest.into_iter().chain(round) {
             if scratch.seen[f as usize] == scratch.stamp {
                 continue;
@@ -189,37 +245,6 @@ impl<'a> RowMaker<'a> {
         }
         others
     }
-
-    /// Distance weights alone.
-    fn smooth(&self, point: DVec3, neighbours: usize, scratch: &mut Scratch) -> bool {
-        let fall_off = self.nearest(self.coordinates.to_frame(point), neighbours, scratch);
-        for (entry, far) in scratch.row.iter_mut().zip(fall_off) {
-            entry.1 = far * far;
-        }
-        scratch.row.retain(|e| e.1 > 0.0);
-        normalise(&mut scratch.row)
-    }
-
-    /// Puts the nearest cage vertices into `scratch.row`, nearest first, and returns `1 - d_j / d_(k+1)` for each.
-    ///
-    /// All 1 where all are equally far (the centre of a regular cage).
-    fn nearest(&self, x: DVec3, neighbours: usize, scratch: &mut Scratch) -> Vec<f64> {
-        scratch.row.clear();
-        let (Some(tree), Some(wanted)) = (&self.vertices, NonZero::new(neighbours.saturating_add(1))) else {
-            return Vec::new();
-        };
-        let wanted = wanted.min(NonZero::new(self.cage.vertex_count()).unwrap_or(NonZero::<usize>::MIN));
-        let found = tree.query(&x.to_array()).nearest_n::<SquaredEuclidean<f64>>(wanted).execute();
-        let mut found: Vec<(f64, u32)> = found.iter().map(|n| (n.distance.sqrt(), n.item)).collect();
-        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        // Where all vertices are taken, as if the next one were a tenth farther than the last.
-        let farthest = found.last().map_or(0.0, |n| 1.1 * n.0);
-        let beyond = found.get(neighbours).map_or(farthest, |n| n.0);
-        found.truncate(neighbours);
-        scratch.row.extend(found.iter().map(|n| (n.1, 0.0)));
-        let all_equal = found.first().is_some_and(|n| n.0 >= beyond);
-        found.iter().map(|n| if all_equal { 1.0 } else { 1.0 - n.0 / beyond }).collect()
-    }
 }
 
 /// A nearest vertex counts in full for what the local rule holds of the coordinates until its fall-off is below the
@@ -230,14 +255,37 @@ const FULL_CREDIT: f64 = 3.0;
 const ENOUGH: f64 = 0.95;
 
 /// Share of a row given to coordinates where they are all held. Alone they follow each bend of the cage, and on thin parts
-/// differ wildly from row to row; distance weights alone blur round shapes. Half of each is
-/// better than either on nearly every model and scene tried, at two iterations and converged.
+/// differ wildly from row to row.
 const BLEND: f64 = 0.5;
 
 /// Distance to the nearest cage vertex, as a share of the distance to the first one left out, below which coordinates lose
 /// their share again. Close to a cage vertex all of them go to it, and right beside it, across a fold of the cage, to another: an
 /// edge far shorter than the cage's would be torn.
 const APART: f64 = 0.1;
+
+/// `1 - d_j / d_(k+1)`: 1 at a cage vertex, 0 where the row ends.
+fn fall_off(near: &Near, beyond: f64) -> f64 {
+    if beyond > 0.0 { 1.0 - near.distance / beyond } else { 1.0 }
+}
+
+/// Distance weights `(1 - d_j / d_(k+1))^2` of the nearest vertices times their trust, in the order given.
+///
+/// Equal weights where all are equally far (the centre of a regular cage).
+fn smooth(near: &[Near], beyond: f64, row: &mut Vec<(u32, f64)>) -> bool {
+    row.clear();
+    row.extend(near.iter().map(|n| (n.vertex, fall_off(n, beyond).powi(2) * n.trust)));
+    if row.iter().all(|e| e.1 <= 0.0) {
+        row.iter_mut().zip(near).for_each(|(e, n)| e.1 = n.trust);
+    }
+    normalise(row)
+}
+
+/// Drops what is tiny of a row that sums to 1, and scales the rest to sum 1.
+fn drop_tiny(row: &mut Vec<(u32, f64)>) -> bool {
+    let largest = row.iter().map(|e| e.1).fold(0.0, f64::max);
+    row.retain(|e| e.1 >= TINY * largest);
+    normalise(row)
+}
 
 /// Scales a row to sum 1; `false` if its weights cancel or there are none.
 fn normalise(row: &mut [(u32, f64)]) -> bool {

@@ -2,7 +2,7 @@
 //! on every run and for any number of threads.
 
 use glam::DVec3;
-use pliant_cage::{Binding, CageSize, Propagation, Propagator, Prune, simplify};
+use pliant_cage::{BindOptions, Binding, CageSize, Propagation, Propagator, Prune, Support, simplify};
 use pliant_mesh::{FrameFit, Silent, Similarity, TriMesh, shapes};
 
 const RULES: [Prune; 5] = [
@@ -113,7 +113,10 @@ fn rows_sum_to_one_and_lead_with_their_largest_weight() {
                 assert!(indices[1..].windows(2).all(|w| w[0] < w[1]), "{name}, {prune}, row {i}");
             }
             if let Prune::Local { neighbours } | Prune::Smooth { neighbours } = prune {
-                assert!(binding.report().kept_max <= neighbours);
+                // Along the surface there may be more, trusted in part only.
+                let options = BindOptions { support: Support::Space, ..prune.into() };
+                let in_space = Binding::new(&shape, &cage, &options, &Silent).expect("valid");
+                assert!(in_space.report().kept_max <= neighbours);
                 assert_eq!(binding.report().negative_share, 0.0);
             }
         }
@@ -171,7 +174,8 @@ fn local_rows_blend_coordinates_and_distance_weights() {
     for (name, shape, cage) in pairs().into_iter().filter(|(_, _, cage)| cage.topology().is_closed()) {
         let coordinates = pliant_cage::MeanValue::new(&cage);
         let neighbours = 12;
-        let binding = bind(&shape, &cage, Prune::Local { neighbours });
+        let options = BindOptions { support: Support::Space, ..Prune::Local { neighbours }.into() };
+        let binding = Binding::new(&shape, &cage, &options, &Silent).expect("valid");
         let mut whole = vec![0.0; cage.vertex_count()];
         let mut half = 0;
         for (i, x) in shape.positions.iter().enumerate() {
@@ -201,8 +205,9 @@ fn local_rows_blend_coordinates_and_distance_weights() {
             let square = dot(&along, &along);
             let share = if square > 1e-12 { dot(&rest, &along) / square } else { 0.5 };
             let off = rest.iter().zip(&along).map(|(r, a)| (r - share * a).abs()).fold(0.0, f64::max);
-            assert!(off < 1e-6 && share > -1e-5 && share < 0.5 + 1e-5, "{name}, row {i}: {off:e} off at share {share}");
-            half += usize::from(share > 0.499);
+            // What is less than 1/200 of the largest weight is dropped, a few entries, and the others grow by as much.
+            assert!(off < 6e-3 && share > -6e-3 && share < 0.55, "{name}, row {i}: {off:e} off at share {share}");
+            half += usize::from(share > 0.494);
         }
         assert!(3 * half > shape.vertex_count(), "{name}: {half} rows are half coordinates");
     }

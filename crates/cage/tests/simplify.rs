@@ -61,7 +61,7 @@ fn cages_keep_topology_vertices_and_orientation() {
         let before = shape.topology();
         let normals = vertex_normals(before, &shape.positions);
         for share in [0.5, 0.1, 0.05] {
-            let Simplified { mesh, origin, report } = cage(&shape, CageSize::Fraction(share));
+            let Simplified { mesh, origin, report, .. } = cage(&shape, CageSize::Fraction(share));
             let after = mesh.topology();
             assert_eq!(report.reached, mesh.vertex_count(), "{name}");
             assert_eq!(report.asked, Some((share * shape.vertex_count() as f64).round() as usize), "{name}");

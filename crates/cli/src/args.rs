@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use pliant::{ArapEnergy, ArapOptions, EdgeWeightKind, Iterations, Method, Propagation, Prune, SweepSize};
+use pliant::{ArapEnergy, ArapOptions, BindOptions, EdgeWeightKind, Iterations, Method, Propagation, SweepSize};
 
 const LEARN_MORE: &str = "\
 Start with `pliant demo`, then try an edit of your own:
@@ -104,7 +104,7 @@ pub(crate) struct EditOptions {
     /// Which weights are kept: local:NEIGHBOURS, smooth:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03) or none.
     /// Default: local:24 with frames, magnitude:0.03 with positions, which need its precision.
     #[arg(long)]
-    pub(crate) prune: Option<Prune>,
+    pub(crate) prune: Option<BindOptions>,
     /// Iterations of the solver in each step: a number, or converged.
     #[arg(long, value_name = "N", default_value = "converged")]
     pub(crate) iterations: Iterations,
@@ -148,8 +148,8 @@ pub(crate) struct SweepOptions {
     #[arg(long, value_delimiter = ',', default_values_t = [Propagation::default()])]
     pub(crate) propagation: Vec<Propagation>,
     /// Which weights are kept: local:NEIGHBOURS, smooth:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03), none.
-    #[arg(long, value_delimiter = ',', default_values_t = [Prune::default()])]
-    pub(crate) prune: Vec<Prune>,
+    #[arg(long, value_delimiter = ',', default_values_t = [BindOptions::default()])]
+    pub(crate) prune: Vec<BindOptions>,
     /// Iterations of the solver in each step: numbers, or converged.
     #[arg(long, value_delimiter = ',', default_values = ["2"])]
     pub(crate) iterations: Vec<Iterations>,

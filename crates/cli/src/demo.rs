@@ -2,8 +2,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use pliant::{
-    Bounds, Iterations, Method, Picture, PictureOptions, Propagation, Prune, Scene, Schedule, Stages, Study, SweepPlan,
-    SweepReport, SweepRow, SweepSize, TriMesh, render, strip, sweep, timed, trim_alike, write, write_png,
+    BindOptions, Bounds, Iterations, Method, Picture, PictureOptions, Propagation, Scene, Schedule, Stages, Study,
+    SweepPlan, SweepReport, SweepRow, SweepSize, TriMesh, render, strip, sweep, timed, trim_alike, write, write_png,
 };
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ pub(crate) fn run(options: &DemoOptions) -> Result<()> {
     let study = Study::new(model.name.clone(), &model.mesh, &scene)?;
 
     let caged = study.cage(CAGE, &console)?;
-    let bound = study.bind(&caged, Prune::default(), &console)?;
+    let bound = study.bind(&caged, BindOptions::default(), &console)?;
     let schedule = Schedule { steps: 10, iterations: Iterations::Converged };
     let dragged = study.drag(&caged, &Method::default(), schedule, &console)?;
     let (pose, row) = study.carry(&caged, &bound, &dragged, Propagation::default(), &console);
@@ -120,7 +120,7 @@ fn small_sweep(model: &Model, scene: &Scene, console: &Console) -> Result<SweepR
     let plan = SweepPlan {
         sizes: ["1%", "2%", "5%", "10%", "none"].iter().map(|s| s.parse()).collect::<Result<_, _>>()?,
         propagations: vec![Propagation::default()],
-        prunes: vec![Prune::default()],
+        bindings: vec![BindOptions::default()],
         methods: vec![Method::default()],
         iterations: vec![Iterations::Count(2)],
         steps: 1,

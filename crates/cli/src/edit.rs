@@ -1,7 +1,7 @@
 use anyhow::Result;
 use pliant::{
-    ArapOptions, PictureOptions, Propagation, Prune, Schedule, Study, SweepRow, can_write, can_write_mesh, render,
-    timed, write, write_png,
+    ArapOptions, BindOptions, PictureOptions, Propagation, Prune, Schedule, Study, SweepRow, can_write, can_write_mesh,
+    render, timed, write, write_png,
 };
 use serde::Serialize;
 
@@ -35,8 +35,8 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
     let study = Study::new(model.name.clone(), &model.mesh, &scene)?;
     let caged = study.cage(options.cage, &console)?;
     let prune = options.prune.unwrap_or(match options.propagation {
-        Propagation::Frames => Prune::default(),
-        Propagation::Positions => Prune::PAPER,
+        Propagation::Frames => BindOptions::default(),
+        Propagation::Positions => Prune::PAPER.into(),
     });
     let bound = study.bind(&caged, prune, &console)?;
     let schedule = Schedule { steps: options.steps as usize, iterations: options.iterations };

@@ -75,7 +75,7 @@ fn plan(options: &SweepOptions, model: &Model) -> Result<(Scene, SweepPlan, Vec<
     let plan = SweepPlan {
         sizes: options.sizes.clone(),
         propagations: options.propagation.clone(),
-        prunes: options.prune.clone(),
+        bindings: options.prune.clone(),
         methods: vec![options.arap.method(&ArapOptions::default())],
         iterations: options.iterations.clone(),
         steps: options.steps as usize,

@@ -24,7 +24,7 @@ mod weld;
 pub use bounds::Bounds;
 pub use error::MeshError;
 pub use frames::{FrameFit, Frames};
-pub use normals::{face_area_vector, face_normals, vertex_normals};
+pub use normals::{NormalBuffer, face_area_vector, face_normals, vertex_normals};
 pub use progress::{Cancellable, Progress, Silent};
 pub use rotation::{best_rotation, best_scale, outer};
 pub use similarity::{Motion, Similarity};

@@ -2,7 +2,7 @@
 
 pub use pliant_cage::{
     BindOptions, BindReport, Binding, CageError, CageSize, MeanValue, Propagation, Propagator, Prune, Simplified,
-    SimplifyOptions, SimplifyReport, UNSAFE_MAGNITUDE, simplify,
+    SimplifyOptions, SimplifyReport, Support, UNSAFE_MAGNITUDE, simplify,
 };
 pub use pliant_deform::{
     ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle, HandleFault, Method,
@@ -21,8 +21,9 @@ pub use pliant_mesh::metrics::{
 };
 pub use pliant_mesh::shapes::creature;
 pub use pliant_mesh::{
-    Bounds, Cancellable, CleanReport, Cleaned, EdgeWeights, FrameFit, Frames, MeshError, Motion, Progress, Silent,
-    Similarity, Topology, TriMesh, VertexSet, best_rotation, clean_soup, select, shapes, vertex_normals,
+    Bounds, Cancellable, CleanReport, Cleaned, EdgeWeights, FrameFit, Frames, MeshError, Motion, NormalBuffer,
+    Progress, Silent, Similarity, Topology, TriMesh, VertexSet, best_rotation, clean_soup, select, shapes,
+    vertex_normals,
 };
 pub use pliant_study::{
     Bound, Caged, Detail, Dragged, Iterations, ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError,

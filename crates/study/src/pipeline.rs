@@ -7,7 +7,7 @@ use std::str::FromStr;
 use std::time::Instant;
 
 use glam::DVec3;
-use pliant_cage::{Binding, CageSize, Propagation, Propagator, Prune, Simplified, SimplifyReport, simplify};
+use pliant_cage::{BindOptions, Binding, CageSize, Propagation, Propagator, Simplified, simplify};
 use pliant_deform::{Goals, Handle, Method, Region};
 use pliant_mesh::metrics::{edge_errors, largest_free_stretch};
 use pliant_mesh::{FrameFit, TriMesh, VertexSet};
@@ -127,7 +127,7 @@ pub struct Caged {
     /// The control mesh.
     pub mesh: TriMesh,
     /// How it was made; `None` without a cage.
-    pub simplified: Option<SimplifyReport>,
+    pub simplified: Option<Simplified>,
     /// Time it took to make.
     pub simplify_ms: f64,
     region: Region,
@@ -138,8 +138,8 @@ pub struct Caged {
 pub struct Bound {
     /// The rows.
     pub binding: Binding,
-    /// The rule they were cut by; `None` without a cage.
-    pub prune: Option<Prune>,
+    /// How they were made; `None` without a cage.
+    pub options: Option<BindOptions>,
     /// Time to bind.
     pub bind_ms: f64,
 }
@@ -179,19 +179,21 @@ impl<'a> Study<'a> {
     pub fn cage(&self, size: SweepSize, stages: &dyn Stages) -> Result<Caged, StudyError> {
         let SweepSize::Cage(cage_size) = size else {
             let (region, warnings) = self.region(self.shape, None)?;
-            return Ok(Caged { size, mesh: self.shape.clone(), simplified: None, simplify_ms: 0.0, region, warnings });
+            let mesh = self.shape.clone();
+            return Ok(Caged { size, mesh, simplified: None, simplify_ms: 0.0, region, warnings });
         };
         let work = |progress: &dyn pliant_mesh::Progress| simplify(self.shape, &cage_size.into(), progress);
         let describe = |made: &Simplified| {
             format!("{} of {} vertices", count(made.report.reached), count(self.shape.vertex_count()))
         };
-        let (Simplified { mesh, origin, report }, simplify_ms) = timed(stages, "simplify", work, describe)?;
+        let (made, simplify_ms) = timed(stages, "simplify", work, describe)?;
         // With nothing collapsed the cage is the shape itself, vertices without faces included.
-        let whole = report.reached + report.unused == self.shape.vertex_count();
-        let (mesh, origin) = if whole { (self.shape.clone(), None) } else { (mesh, Some(&origin[..])) };
+        let whole = made.report.reached + made.report.unused == self.shape.vertex_count();
+        let (mesh, origin) =
+            if whole { (self.shape.clone(), None) } else { (made.mesh.clone(), Some(&made.origin[..])) };
         let (region, mut warnings) = self.region(&mesh, origin)?;
-        warnings.extend(report.warnings());
-        Ok(Caged { size, mesh, simplified: Some(report), simplify_ms, region, warnings })
+        warnings.extend(made.report.warnings());
+        Ok(Caged { size, mesh, simplified: Some(made), simplify_ms, region, warnings })
     }
 
     /// The handles of the shape on a control mesh: a cage vertex belongs to the handle of the shape vertex it came from.
@@ -233,24 +235,26 @@ impl<'a> Study<'a> {
     ///
     /// # Errors
     /// As [`Binding::new`].
-    pub fn bind(&self, caged: &Caged, prune: Prune, stages: &dyn Stages) -> Result<Bound, StudyError> {
-        if caged.size == SweepSize::None {
-            return Ok(Bound { binding: Binding::identity(self.shape), prune: None, bind_ms: 0.0 });
-        }
+    pub fn bind(
+        &self,
+        caged: &Caged,
+        options: impl Into<BindOptions>,
+        stages: &dyn Stages,
+    ) -> Result<Bound, StudyError> {
+        let options = options.into();
+        let Some(cage) = &caged.simplified else {
+            return Ok(Bound { binding: Binding::identity(self.shape), options: None, bind_ms: 0.0 });
+        };
         let whole = caged.mesh.vertex_count() == self.shape.vertex_count();
         let (binding, bind_ms) = timed(
             stages,
-            &format!("bind {prune}"),
+            &format!("bind {options}"),
             |progress| {
-                if whole {
-                    Ok(Binding::identity(self.shape))
-                } else {
-                    Binding::new(self.shape, &caged.mesh, &prune.into(), progress)
-                }
+                if whole { Ok(Binding::identity(self.shape)) } else { cage.bind(self.shape, &options, progress) }
             },
             |made| format!("{} rows, {:.1} weights each", count(made.report().rows), made.report().kept_mean),
         )?;
-        Ok(Bound { binding, prune: Some(prune), bind_ms })
+        Ok(Bound { binding, options: Some(options), bind_ms })
     }
 
     /// Prepares the method for the handles and takes them to their goals.
@@ -351,7 +355,7 @@ impl<'a> Study<'a> {
         let rest_error_max = moved.fold(0.0, f64::max);
 
         let mut times = Vec::new();
-        let direct = bound.prune.is_none();
+        let direct = bound.options.is_none();
         if direct {
             pose.copy_from_slice(&dragged.pose);
             times.push(0.0);
@@ -379,7 +383,7 @@ impl<'a> Study<'a> {
             warnings.push(format!(
                 "with nothing deformed, propagation by {propagation} under {} already changes edge lengths by {:.0} % \
                  (root mean square); propagation by frames changes none",
-                bound.prune.map_or(NO_CAGE.to_owned(), |p| p.to_string()),
+                bound.options.map_or(NO_CAGE.to_owned(), |p| p.to_string()),
                 1e2 * rest.rms_relative
             ));
         }
@@ -391,7 +395,7 @@ impl<'a> Study<'a> {
             cage_vertices: caged.mesh.vertex_count(),
             method: dragged.method.clone(),
             propagation: if direct { NO_CAGE.to_owned() } else { propagation.to_string() },
-            prune: bound.prune.map_or(NO_CAGE.to_owned(), |p| p.to_string()),
+            prune: bound.options.map_or(NO_CAGE.to_owned(), |p| p.to_string()),
             steps: dragged.schedule.steps,
             iterations: match dragged.schedule.iterations {
                 Iterations::Count(n) => Some(n as usize),

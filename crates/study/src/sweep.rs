@@ -1,6 +1,6 @@
 //! Cage sizes against error and time.
 
-use pliant_cage::{Propagation, Prune};
+use pliant_cage::{BindOptions, Propagation, Prune};
 use pliant_deform::{ArapOptions, Method};
 use pliant_mesh::TriMesh;
 
@@ -17,8 +17,8 @@ pub struct SweepPlan {
     pub sizes: Vec<SweepSize>,
     /// Ways to propagate.
     pub propagations: Vec<Propagation>,
-    /// Prune rules.
-    pub prunes: Vec<Prune>,
+    /// Prune rules and what goes with them.
+    pub bindings: Vec<BindOptions>,
     /// Methods.
     pub methods: Vec<Method>,
     /// Iterations.
@@ -36,7 +36,7 @@ impl SweepPlan {
         Self {
             sizes: paper_sizes(vertices).sizes.iter().map(|(cage, _)| size(*cage)).collect(),
             propagations: vec![Propagation::Positions, Propagation::Frames],
-            prunes: vec![Prune::PAPER, Prune::default()],
+            bindings: vec![Prune::PAPER.into(), BindOptions::default()],
             methods: vec![Method::Arap(ArapOptions::faithful())],
             iterations: vec![Iterations::Count(2), Iterations::Converged],
             steps: PAPER_STEPS,
@@ -71,8 +71,9 @@ pub fn sweep(
     );
     for &size in &plan.sizes {
         let caged = study.cage(size, stages)?;
-        let prunes: &[Prune] = if size == SweepSize::None { &[Prune::None] } else { &plan.prunes };
-        let bound = prunes.iter().map(|&prune| study.bind(&caged, prune, stages)).collect::<Result<Vec<_>, _>>()?;
+        let bindings = if size == SweepSize::None { &[BindOptions::default()] } else { &plan.bindings[..] };
+        let bound =
+            bindings.iter().map(|&options| study.bind(&caged, options, stages)).collect::<Result<Vec<_>, _>>()?;
         let propagations = if size == SweepSize::None { &[Propagation::Positions] } else { &plan.propagations[..] };
         for method in &plan.methods {
             for &iterations in &plan.iterations {

@@ -13,12 +13,10 @@ pub(super) struct Quadric {
     zz: f64,
     b: DVec3,
     c: f64,
-    /// Sum of the weights that count as area.
-    pub(super) area: f64,
 }
 
 impl Quadric {
-    /// `weight` times the squared distance to the plane through `point` with unit normal `n`; adds no area.
+    /// `weight` times the squared distance to the plane through `point` with unit normal `n`.
     pub(super) fn plane(n: DVec3, point: DVec3, weight: f64) -> Self {
         let d = -n.dot(point);
         let w = weight * n;
@@ -31,11 +29,10 @@ impl Quadric {
             zz: w.z * n.z,
             b: w * d,
             c: weight * d * d,
-            area: 0.0,
         }
     }
 
-    /// `weight` times the squared distance to a point; adds no area.
+    /// `weight` times the squared distance to a point.
     pub(super) fn point(p: DVec3, weight: f64) -> Self {
         Self { xx: weight, yy: weight, zz: weight, b: -weight * p, c: weight * p.length_squared(), ..Self::default() }
     }
@@ -49,7 +46,6 @@ impl Quadric {
         self.zz += o.zz;
         self.b += o.b;
         self.c += o.c;
-        self.area += o.area;
     }
 
     /// Value at `p`; rounding may make it slightly negative, which counts as 0.

@@ -1,103 +1,130 @@
-/// A binary min-heap of vertices by cost in which costs can be changed; ties go to the lower vertex number.
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Vertices by cost, the least first, in which costs can be changed; ties go to the lower number.
+///
+/// Round a collapse most costs grow, several times before their turn comes. So a cost that grows is only written down, and
+/// the vertex filed anew once its old entry comes up. Only entries of the lowest costs are in a heap, which is small
+/// then; the others lie in buckets, each for costs within a sixteenth of a power of two, without order.
 #[derive(Debug)]
 pub(super) struct Queue {
-    heap: Vec<u32>,
-    /// Place of each vertex in `heap`, or [`OUT`].
-    place: Vec<u32>,
-    cost: Vec<f64>,
+    heap: BinaryHeap<Reverse<Entry>>,
+    buckets: Vec<Vec<Entry>>,
+    /// The bucket that was last poured into the heap, where all lower costs go too.
+    poured: usize,
+    slots: Vec<Slot>,
 }
 
-const OUT: u32 = u32::MAX;
+/// Bits of the cost, which is not negative, then the vertex. One comparison orders by all.
+type Entry = u128;
+
+/// What a vertex costs, and what its entry says, which is no more; NaN if it is not in the queue.
+///
+/// A cost that falls leaves the old entry behind, which is known by saying something else, or the same once more.
+#[derive(Debug, Clone, Copy)]
+struct Slot {
+    cost: f64,
+    filed: f64,
+}
+
+const OUT: Slot = Slot { cost: f64::NAN, filed: f64::NAN };
+
+fn vertex_of(entry: Entry) -> u32 {
+    entry as u32
+}
+
+fn cost_of(entry: Entry) -> f64 {
+    f64::from_bits((entry >> 64) as u64)
+}
+
+/// Exponent and four more bits of a number that is not negative: grows with it.
+fn bucket_of(cost: f64) -> usize {
+    (cost.to_bits() >> 48) as usize
+}
 
 impl Queue {
+    /// An empty queue.
     pub(super) fn new(vertex_count: usize) -> Self {
-        Self { heap: Vec::with_capacity(vertex_count), place: vec![OUT; vertex_count], cost: vec![0.0; vertex_count] }
+        let buckets = vec![Vec::new(); bucket_of(f64::INFINITY) + 1];
+        Self { heap: BinaryHeap::new(), buckets, poured: 0, slots: vec![OUT; vertex_count] }
     }
 
-    /// Puts a vertex in, or moves it, to `cost` (not NaN).
+    /// Replaces what is in the queue by vertices with their costs (0 or above).
+    pub(super) fn fill(&mut self, costs: impl Iterator<Item = (u32, f64)>) {
+        self.heap.clear();
+        self.buckets.iter_mut().for_each(Vec::clear);
+        self.slots.fill(OUT);
+        self.poured = 0;
+        costs.for_each(|(vertex, cost)| self.file(vertex, cost));
+    }
+
+    /// Puts a vertex in, or moves it, to `cost` (0 or above).
     pub(super) fn set(&mut self, vertex: u32, cost: f64) {
-        let v = vertex as usize;
-        if self.place[v] == OUT {
-            self.cost[v] = cost;
-            self.place[v] = self.heap.len() as u32;
-            self.heap.push(vertex);
-            self.rise(self.heap.len() - 1);
+        let slot = &mut self.slots[vertex as usize];
+        if cost >= slot.filed {
+            slot.cost = cost;
         } else {
-            let fell = cost > self.cost[v];
-            self.cost[v] = cost;
-            let at = self.place[v] as usize;
-            if fell {
-                self.sink(at);
-            } else {
-                self.rise(at);
-            }
-        }
-    }
-
-    pub(super) fn remove(&mut self, vertex: u32) {
-        let at = self.place[vertex as usize];
-        if at == OUT {
-            return;
-        }
-        let at = at as usize;
-        self.place[vertex as usize] = OUT;
-        let last = self.heap.len() - 1;
-        self.heap.swap_remove(at);
-        if at < last {
-            self.place[self.heap[at] as usize] = at as u32;
-            self.sink(at);
-            self.rise(at);
+            self.file(vertex, cost);
         }
     }
 
     /// The vertex of least cost, taken out.
     pub(super) fn pop(&mut self) -> Option<u32> {
-        let &vertex = self.heap.first()?;
-        self.remove(vertex);
-        Some(vertex)
+        let top = self.settled()?;
+        self.heap.pop();
+        self.slots[vertex_of(top) as usize] = OUT;
+        Some(vertex_of(top))
     }
 
     /// The least cost.
-    pub(super) fn least(&self) -> f64 {
-        self.heap.first().map_or(f64::INFINITY, |&v| self.cost[v as usize])
+    pub(super) fn least(&mut self) -> f64 {
+        self.settled().map_or(f64::INFINITY, cost_of)
     }
 
-    fn before(&self, a: u32, b: u32) -> bool {
-        let (ca, cb) = (self.cost[a as usize], self.cost[b as usize]);
-        ca < cb || (ca == cb && a < b)
-    }
-
-    fn rise(&mut self, mut at: usize) {
-        while at > 0 {
-            let parent = (at - 1) / 2;
-            if !self.before(self.heap[at], self.heap[parent]) {
-                break;
-            }
-            self.swap(at, parent);
-            at = parent;
-        }
-    }
-
-    fn sink(&mut self, mut at: usize) {
+    /// Brings to the top of the heap an entry that says what its vertex costs; those below say no more than the truth.
+    fn settled(&mut self) -> Option<Entry> {
         loop {
-            let left = 2 * at + 1;
-            let Some(&l) = self.heap.get(left) else { break };
-            let child = match self.heap.get(left + 1) {
-                Some(&r) if self.before(r, l) => left + 1,
-                _ => left,
+            let Some(&Reverse(top)) = self.heap.peek() else {
+                self.pour()?;
+                continue;
             };
-            if !self.before(self.heap[child], self.heap[at]) {
-                break;
+            let Slot { cost, filed } = self.slots[vertex_of(top) as usize];
+            if cost_of(top) == filed {
+                if cost == filed {
+                    return Some(top);
+                }
+                self.file(vertex_of(top), cost);
             }
-            self.swap(at, child);
-            at = child;
+            self.heap.pop();
         }
     }
 
-    fn swap(&mut self, a: usize, b: usize) {
-        self.heap.swap(a, b);
-        self.place[self.heap[a] as usize] = a as u32;
-        self.place[self.heap[b] as usize] = b as u32;
+    /// Makes a heap of the next bucket that holds anything.
+    fn pour(&mut self) -> Option<()> {
+        let next = self.poured + self.buckets[self.poured..].iter().position(|b| !b.is_empty())?;
+        self.poured = next;
+        let mut entries = std::mem::take(&mut self.buckets[next]);
+        entries.retain(|&entry| {
+            let Slot { cost, filed } = self.slots[vertex_of(entry) as usize];
+            let is_true = cost_of(entry) == filed && cost == filed;
+            if cost_of(entry) == filed && !is_true {
+                self.file(vertex_of(entry), cost);
+            }
+            is_true
+        });
+        self.heap.extend(entries.into_iter().map(Reverse));
+        Some(())
+    }
+
+    fn file(&mut self, vertex: u32, cost: f64) {
+        self.slots[vertex as usize] = Slot { cost, filed: cost };
+        let entry = u128::from(cost.to_bits()) << 64 | u128::from(vertex);
+        let bucket = bucket_of(cost);
+        if bucket <= self.poured {
+            self.heap.push(Reverse(entry));
+        } else {
+            self.buckets[bucket].push(entry);
+        }
     }
 }
 
@@ -105,32 +132,47 @@ impl Queue {
 mod tests {
     use super::*;
 
-    /// Random sets, changes and removals against a sorted list.
+    /// Random sets, changes and pops against a list searched from end to end.
     #[test]
     fn pops_in_order_of_cost_then_number() {
         let mut queue = Queue::new(100);
-        let mut expected = vec![None; 100];
+        let mut expected: Vec<Option<f64>> = vec![None; 100];
+        let first = |expected: &[Option<f64>]| {
+            let known = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (c, v)));
+            known.min_by(|a, b| a.partial_cmp(b).expect("no NaN"))
+        };
         let mut state = 7u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 33) as usize
         };
-        for _ in 0..2000 {
-            let v = random() % 100;
+        for round in 0..4000 {
+            if round % 1000 == 0 {
+                expected = (0..100).map(|v| (v % 3 != 0).then_some((v * 7 % 10) as f64)).collect();
+                let costs = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (v as u32, c)));
+                queue.fill(costs);
+            }
             if random() % 4 == 0 {
-                queue.remove(v as u32);
-                expected[v] = None;
+                let popped = first(&expected);
+                assert_eq!(queue.least(), popped.map_or(f64::INFINITY, |p| p.0));
+                assert_eq!(queue.pop(), popped.map(|p| p.1 as u32));
+                if let Some((_, v)) = popped {
+                    expected[v] = None;
+                }
             } else {
-                let cost = (random() % 10) as f64;
+                let (v, cost) = (random() % 100, (random() % 10) as f64);
                 queue.set(v as u32, cost);
                 expected[v] = Some(cost);
             }
         }
-        let mut order: Vec<(f64, u32)> =
-            expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (c, v as u32))).collect();
-        order.sort_by(|a, b| a.partial_cmp(b).expect("no NaN"));
-        let popped: Vec<(f64, u32)> = std::iter::from_fn(|| Some((queue.least(), queue.pop()?))).collect();
-        assert_eq!(popped, order);
+        let order = std::iter::from_fn(|| {
+            let (_, v) = first(&expected)?;
+            expected[v] = None;
+            Some(v as u32)
+        });
+        let order: Vec<u32> = order.collect();
+        assert!(order.len() > 50);
+        assert_eq!(std::iter::from_fn(|| queue.pop()).collect::<Vec<_>>(), order);
         assert_eq!(queue.least(), f64::INFINITY);
     }
 }
