@@ -185,7 +185,7 @@ impl<'a> Study<'a> {
         let describe = |made: &Simplified| {
             format!("{} of {} vertices", count(made.report.reached), count(self.shape.vertex_count()))
         };
-        let (Simplified { mesh, origin, report }, simplify_ms) = timed(stages, "simplify", work, describe)?;
+        let (Simplified { mesh, origin, report, .. }, simplify_ms) = timed(stages, "simplify", work, describe)?;
         // With nothing collapsed the cage is the shape itself, vertices without faces included.
         let whole = report.reached + report.unused == self.shape.vertex_count();
         let (mesh, origin) = if whole { (self.shape.clone(), None) } else { (mesh, Some(&origin[..])) };

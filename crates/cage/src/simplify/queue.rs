@@ -229,7 +229,7 @@ mod tests {
         let cost = |v: u32| 1.0 + f64::from(v * 37 % 100) * 1e-4;
         let mut queue = Queue::new(100);
         queue.fill((0..100).map(|v| (v, cost(v))));
-        let (mut announced, mut popped, mut coming) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut announced, mut popped, mut coming): (Vec<u32>, Vec<u32>, Vec<u32>) = Default::default();
         while let Some(v) = queue.pop() {
             popped.push(v);
             queue.announce(16, &mut coming);
