@@ -183,12 +183,50 @@ fn non_manifold_places_are_kept_and_counted() {
     assert_eq!(made.mesh.topology().euler_characteristic(), weld.mesh.topology().euler_characteristic());
 }
 
+/// Owners divide the shape into patches: connected along its edges, each with its cage vertex, none across components.
+#[test]
+fn what_a_cage_vertex_owns_is_connected() {
+    for (name, shape) in families() {
+        let topology = shape.topology();
+        let (component, _) = topology.components();
+        for size in [CageSize::Fraction(0.3), CageSize::Fraction(0.02), CageSize::Vertices(0), CageSize::Error(1e-3)] {
+            let Simplified { mesh, origin, owner, .. } = cage(&shape, size);
+            assert_eq!(owner.len(), shape.vertex_count(), "{name}");
+            assert!(origin.iter().enumerate().all(|(j, &v)| owner[v as usize] as usize == j), "{name}");
+            // Flooded from the cage vertices along edges within one patch, every vertex is reached.
+            let mut reached = vec![false; owner.len()];
+            let mut stack = origin.clone();
+            while let Some(v) = stack.pop() {
+                if !std::mem::replace(&mut reached[v as usize], true) {
+                    let own = owner[v as usize];
+                    stack.extend(topology.neighbours(v as usize).iter().filter(|&&w| owner[w as usize] == own));
+                }
+            }
+            assert!(reached.iter().all(|r| *r), "{name}: a patch is in pieces");
+            for (v, &own) in owner.iter().enumerate() {
+                assert_eq!(component[v], component[origin[own as usize] as usize], "{name}");
+            }
+            // A face of the cage is one whose corners went to three patches, in its own order.
+            let faces = shape.triangles().iter().map(|t| t.map(|v| owner[v as usize]));
+            let apart: Vec<[u32; 3]> = faces.filter(|&[a, b, c]| a != b && b != c && c != a).collect();
+            assert_eq!(mesh.triangles(), apart, "{name}");
+        }
+    }
+}
+
+/// Nor does it depend on the number of threads.
 #[test]
 fn the_same_every_time() {
     let shape = shapes::cylinder(0.5, 2.0, 24, 30, 4).expect("valid");
-    let (first, second) = (cage(&shape, CageSize::Fraction(0.1)), cage(&shape, CageSize::Fraction(0.1)));
-    assert_eq!(first.origin, second.origin);
-    assert_eq!(first.mesh.triangles(), second.mesh.triangles());
+    let first = cage(&shape, CageSize::Fraction(0.1));
+    for threads in [1, 2, 5] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a few threads");
+        let second = pool.install(|| cage(&shape, CageSize::Fraction(0.1)));
+        assert_eq!(first.origin, second.origin);
+        assert_eq!(first.owner, second.owner);
+        assert_eq!(first.mesh.triangles(), second.mesh.triangles());
+        assert_eq!(first.report, second.report);
+    }
 }
 
 /// The cage of a scaled shape is the scaled cage: powers of two change no rounding.
@@ -198,7 +236,9 @@ fn scale_does_not_matter() {
     let plain = cage(&shape, CageSize::Fraction(0.1));
     for scale in [2.0_f64.powi(-40), 2.0_f64.powi(40)] {
         let scaled = shape.with_positions(shape.positions.iter().map(|p| *p * scale).collect()).expect("finite");
-        assert_eq!(cage(&scaled, CageSize::Fraction(0.1)).origin, plain.origin);
+        let scaled = cage(&scaled, CageSize::Fraction(0.1));
+        assert_eq!(scaled.origin, plain.origin);
+        assert_eq!(scaled.owner, plain.owner);
     }
 }
 
@@ -229,6 +269,8 @@ fn unused_vertices_are_left_out_and_counted() {
     let triangles = sphere.triangles().iter().map(|t| t.map(|v| v + 1)).collect();
     let made = cage(&TriMesh::new(positions, triangles).expect("valid"), CageSize::Vertices(40));
     assert_eq!((made.report.unused, made.mesh.vertex_count()), (1, 40));
+    let unowned: Vec<usize> = (0..made.owner.len()).filter(|&v| made.owner[v] == Simplified::NO_OWNER).collect();
+    assert_eq!(unowned, [0]);
     let used: HashSet<u32> = made.mesh.triangles().iter().flatten().copied().collect();
     assert_eq!(used.len(), 40);
 }

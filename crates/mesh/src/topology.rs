@@ -290,6 +290,34 @@ impl Topology {
 
     /// Number of fans (runs of faces joined by shared edges) around a vertex: 0 if unused, 1 on a manifold.
     pub fn fan_count(&self, vertex: usize) -> usize {
+        const FEW: usize = 16;
+        let faces = self.vertex_faces(vertex);
+        if faces.len() > FEW {
+            return self.fan_count_of_many(vertex);
+        }
+        // Each face by its two other corners. Fans are gathered at the front, one after the other.
+        let mut sides = [[0; 2]; FEW];
+        let sides = &mut sides[..faces.len()];
+        for (side, &f) in sides.iter_mut().zip(faces) {
+            let [a, b, c] = self.triangles[f as usize];
+            *side = if a as usize == vertex { [b, c] } else { [a, if b as usize == vertex { c } else { b }] };
+        }
+        let (mut fans, mut gathered) = (0, 0);
+        for i in 0..sides.len() {
+            if i == gathered {
+                (fans, gathered) = (fans + 1, gathered + 1);
+            }
+            for j in gathered..sides.len() {
+                if sides[j].contains(&sides[i][0]) || sides[j].contains(&sides[i][1]) {
+                    sides.swap(gathered, j);
+                    gathered += 1;
+                }
+            }
+        }
+        fans
+    }
+
+    fn fan_count_of_many(&self, vertex: usize) -> usize {
         let faces = self.vertex_faces(vertex);
         // Union-find over the faces, joined by the edges they share; each fan keeps its lowest face as root.
         let mut fan: Vec<usize> = (0..faces.len()).collect();

@@ -51,8 +51,8 @@ pub(super) struct Working {
 }
 
 impl Working {
-    /// A working copy of a mesh.
-    pub(super) fn new(topology: &Topology, sites: Vec<Site>) -> Self {
+    /// A working copy of a mesh; `boundary` says which vertices are on an edge with one face.
+    pub(super) fn new(topology: &Topology, sites: Vec<Site>, boundary: Vec<bool>) -> Self {
         let mut locked: Vec<bool> = (0..sites.len()).into_par_iter().map(|v| topology.fan_count(v) > 1).collect();
         for (e, &[a, b]) in topology.edges().iter().enumerate() {
             if topology.edge_faces(e).len() > 2 {
@@ -60,7 +60,7 @@ impl Working {
                 locked[b as usize] = true;
             }
         }
-        Self { sites, fans: Fans::new(topology), boundary: topology.boundary_vertices(), locked }
+        Self { sites, fans: Fans::new(topology), boundary, locked }
     }
 
     /// Whether `v` is there, with faces, and not locked.

@@ -57,7 +57,7 @@ impl Wedge {
 
 #[derive(Debug, Clone, Copy)]
 struct Span {
-    start: u32,
+    start: usize,
     length: u32,
     room: u32,
     /// The last stamp the vertex was given.
@@ -66,7 +66,7 @@ struct Span {
 
 impl Span {
     fn range(self) -> std::ops::Range<usize> {
-        self.start as usize..(self.start + self.length) as usize
+        self.start..self.start + self.length as usize
     }
 }
 
@@ -98,13 +98,20 @@ impl Fans {
             let length = faces.len() as u32;
             let room = if length > 0 { length.max(ROOM) } else { 0 };
             wedges.resize(start + room as usize, Wedge::default());
-            spans.push(Span { start: start as u32, length, room, mark: 0 });
+            spans.push(Span { start, length, room, mark: 0 });
         }
         Self { wedges, spans, stamp: 0 }
     }
 
     pub(super) fn row(&self, vertex: u32) -> &[Wedge] {
         &self.wedges[self.spans[vertex as usize].range()]
+    }
+
+    /// Reads both ends of a vertex's row (see `Simplifier::read_ahead`).
+    pub(super) fn touch(&self, vertex: u32) -> u64 {
+        let row = self.row(vertex);
+        let ends = [row.first(), row.last()];
+        ends.into_iter().flatten().map(|wedge| u64::from(wedge.last)).sum()
     }
 
     /// Number of faces at a vertex.
@@ -196,7 +203,7 @@ impl Fans {
             let room = length + length / 2;
             self.wedges.extend_from_within(to.range());
             self.wedges.resize(start + room as usize, Wedge::default());
-            to = Span { start: start as u32, room, ..to };
+            to = Span { start, room, ..to };
         }
         self.wedges.copy_within(from.range(), to.range().end);
         self.spans[v as usize] = Span { length, ..to };

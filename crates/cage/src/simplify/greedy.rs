@@ -22,6 +22,8 @@ const GUARDS: [Guard; 3] = [
     Guard { min_cosine: -1.1, faces_outward: false },
 ];
 
+const AHEAD: usize = 64;
+
 /// Quality of a face (1 if equilateral) below which a collapse that makes it costs more, by the square of the ratio. Needles
 /// are put off rather than forbidden: some scans consist of them.
 const GOOD_QUALITY: f64 = 0.2;
@@ -42,8 +44,9 @@ pub(super) struct Simplifier {
     /// Largest distance a collapse may have, and the largest one made.
     max_error: f64,
     error: f64,
-    /// Scratch: neighbours, and targets.
+    /// Scratch: neighbours, vertices read ahead, and targets.
     ring: Vec<u32>,
+    ahead: Vec<u32>,
     others: Vec<Target>,
 }
 
@@ -89,11 +92,18 @@ impl Simplifier {
         let (centre, scale) = shape.bounds().normal_frame();
         let positions: Vec<DVec3> = shape.positions.par_iter().map(|p| (*p - centre) * scale).collect();
         let unused = (0..n).filter(|&v| topology.vertex_faces(v).is_empty()).count();
+        let boundary = topology.boundary_vertices();
         let (mut sites, mut quadrics) = (Vec::new(), Vec::new());
-        let site = |v: usize| vertex_site(shape, &positions, boundary_weight, v);
-        (0..n).into_par_iter().map(site).unzip_into_vecs(&mut sites, &mut quadrics);
+        let ((), components) = rayon::join(
+            || {
+                let weight = |v: usize| if boundary[v] { boundary_weight } else { 0.0 };
+                let site = |v: usize| vertex_site(shape, &positions, weight(v), v);
+                (0..n).into_par_iter().map(site).unzip_into_vecs(&mut sites, &mut quadrics);
+            },
+            || topology.components().1,
+        );
         let mut simplifier = Self {
-            working: Working::new(topology, sites),
+            working: Working::new(topology, sites, boundary),
             quadrics,
             cheapest: Vec::new(),
             queue: Queue::new(n),
@@ -101,10 +111,11 @@ impl Simplifier {
             count: n - unused,
             unused,
             // Every unused vertex counts as a component of its own.
-            components: topology.components().1 - unused,
+            components: components - unused,
             max_error,
             error: 0.0,
             ring: Vec::new(),
+            ahead: Vec::new(),
             others: Vec::new(),
         };
         simplifier.cheapest = (0..n as u32).into_par_iter().map(|v| simplifier.find_cheapest(v)).collect();
@@ -121,6 +132,7 @@ impl Simplifier {
             self.queue.fill(moving.map(|v| (v, cheapest[v as usize].best.cost)));
             while self.count > target {
                 let Some(u) = self.queue.pop() else { break };
+                self.read_ahead();
                 self.step(u, *guard);
                 let done = total - (self.count - target);
                 if done.is_multiple_of((total / 100).max(1)) {
@@ -133,6 +145,32 @@ impl Simplifier {
         }
         progress.advance(total, total);
         Ok(())
+    }
+
+    /// Reads what the steps of the next vertices will, so that it is in the cache by then.
+    ///
+    /// A step meets some fifty lines of the cache, scattered over the arrays, and waits for many of them one by one as each
+    /// says where the next is. Read for many vertices at once, they are waited for together. Nothing else comes of it.
+    fn read_ahead(&mut self) {
+        let mut ahead = std::mem::take(&mut self.ahead);
+        self.queue.announce(AHEAD, &mut ahead);
+        let mut read = 0;
+        for &u in &ahead {
+            read ^= self.working.fans.touch(u) ^ u64::from(self.cheapest[u as usize].best.vertex);
+        }
+        for centre in [|_: &Self, u| u, |s: &Self, u| s.cheapest[u as usize].best.vertex] {
+            for &u in &ahead {
+                for wedge in self.working.fans.row(centre(self, u)) {
+                    let w = wedge.next() as usize;
+                    read ^= self.working.fans.touch(w as u32) ^ self.queue.touch(w as u32);
+                    read ^= self.working.sites[w].area.to_bits() ^ self.cheapest[w].others.to_bits();
+                    read ^= self.quadrics[w].touch();
+                }
+            }
+        }
+        // Without this the compiler would see that nobody asks for the result.
+        std::hint::black_box(read);
+        self.ahead = ahead;
     }
 
     /// Collapses `u` into its cheapest legal neighbour if nothing cheaper waits; puts it back at its true cost otherwise.
@@ -316,7 +354,7 @@ fn compress(parent: &mut [u32]) {
 }
 
 /// Site and quadric of shape vertex `v` (Garland and Heckbert, Section 5): planes of the incident faces weighted by area, and
-/// steep planes through boundary edges.
+/// steep planes through boundary edges, of the given weight.
 fn vertex_site(shape: &TriMesh, positions: &[DVec3], boundary_weight: f64, v: usize) -> (Site, Quadric) {
     let topology = shape.topology();
     let position = positions[v];
@@ -331,7 +369,7 @@ fn vertex_site(shape: &TriMesh, positions: &[DVec3], boundary_weight: f64, v: us
         let Some(normal) = area_vector.try_normalize() else { continue };
         for (k, e) in topology.face_edges(f as usize).into_iter().enumerate() {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            if t[k] as usize != v && topology.is_boundary_edge(e as usize) {
+            if boundary_weight > 0.0 && t[k] as usize != v && topology.is_boundary_edge(e as usize) {
                 let side = p[j] - p[i];
                 let weight = boundary_weight * side.length_squared();
                 if let Some(across) = side.cross(normal).try_normalize() {

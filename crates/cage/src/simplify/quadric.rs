@@ -37,6 +37,11 @@ impl Quadric {
         Self { xx: weight, yy: weight, zz: weight, b: -weight * p, c: weight * p.length_squared(), ..Self::default() }
     }
 
+    /// Reads both ends (see `Simplifier::read_ahead`).
+    pub(super) fn touch(&self) -> u64 {
+        self.xx.to_bits() ^ self.c.to_bits()
+    }
+
     pub(super) fn add(&mut self, o: &Self) {
         self.xx += o.xx;
         self.xy += o.xy;

@@ -4,14 +4,19 @@ use std::collections::BinaryHeap;
 /// Vertices by cost, the least first, in which costs can be changed; ties go to the lower number.
 ///
 /// Round a collapse most costs grow, several times before their turn comes. So a cost that grows is only written down, and
-/// the vertex filed anew once its old entry comes up. Only entries of the lowest costs are in a heap, which is small
-/// then; the others lie in buckets, each for costs within a sixteenth of a power of two, without order.
+/// the vertex filed anew once its old entry comes up. Entries lie without order in buckets, each for costs within a
+/// sixteenth of a power of two; a bucket is sorted when its turn comes. What is filed after that goes to a heap, which
+/// stays small. That it knows who comes next is what a plain heap would not do.
 #[derive(Debug)]
 pub(super) struct Queue {
-    heap: BinaryHeap<Reverse<Entry>>,
     buckets: Vec<Vec<Entry>>,
-    /// The bucket that was last poured into the heap, where all lower costs go too.
-    poured: usize,
+    /// The bucket that was opened last, and what is left of it, the least cost at the end.
+    opened: usize,
+    open: Vec<Entry>,
+    /// Of those, how many were not yet announced by [`Self::announce`].
+    unannounced: usize,
+    /// Entries filed since then that belong there or before.
+    late: BinaryHeap<Reverse<Entry>>,
     slots: Vec<Slot>,
 }
 
@@ -46,15 +51,24 @@ impl Queue {
     /// An empty queue.
     pub(super) fn new(vertex_count: usize) -> Self {
         let buckets = vec![Vec::new(); bucket_of(f64::INFINITY) + 1];
-        Self { heap: BinaryHeap::new(), buckets, poured: 0, slots: vec![OUT; vertex_count] }
+        Self {
+            buckets,
+            opened: 0,
+            open: Vec::new(),
+            unannounced: 0,
+            late: BinaryHeap::new(),
+            slots: vec![OUT; vertex_count],
+        }
     }
 
     /// Replaces what is in the queue by vertices with their costs (0 or above).
     pub(super) fn fill(&mut self, costs: impl Iterator<Item = (u32, f64)>) {
-        self.heap.clear();
+        self.open.clear();
+        self.unannounced = 0;
+        self.late.clear();
         self.buckets.iter_mut().for_each(Vec::clear);
         self.slots.fill(OUT);
-        self.poured = 0;
+        self.opened = 0;
         costs.for_each(|(vertex, cost)| self.file(vertex, cost));
     }
 
@@ -71,7 +85,7 @@ impl Queue {
     /// The vertex of least cost, taken out.
     pub(super) fn pop(&mut self) -> Option<u32> {
         let top = self.settled()?;
-        self.heap.pop();
+        self.take();
         self.slots[vertex_of(top) as usize] = OUT;
         Some(vertex_of(top))
     }
@@ -81,47 +95,77 @@ impl Queue {
         self.settled().map_or(f64::INFINITY, cost_of)
     }
 
-    /// Brings to the top of the heap an entry that says what its vertex costs; those below say no more than the truth.
-    fn settled(&mut self) -> Option<Entry> {
-        loop {
-            let Some(&Reverse(top)) = self.heap.peek() else {
-                self.pour()?;
-                continue;
-            };
-            let Slot { cost, filed } = self.slots[vertex_of(top) as usize];
-            if cost_of(top) == filed {
-                if cost == filed {
-                    return Some(top);
-                }
-                self.file(vertex_of(top), cost);
-            }
-            self.heap.pop();
+    /// Names up to `most` vertices whose turn comes next, if those named before have had theirs. A guess: costs may change,
+    /// and vertices filed late are left out.
+    pub(super) fn announce(&mut self, most: usize, coming: &mut Vec<u32>) {
+        coming.clear();
+        if self.open.len() <= self.unannounced {
+            self.unannounced = self.open.len().saturating_sub(most);
+            coming.extend(self.open[self.unannounced..].iter().map(|&entry| vertex_of(entry)));
         }
     }
 
-    /// Makes a heap of the next bucket that holds anything.
-    fn pour(&mut self) -> Option<()> {
-        let next = self.poured + self.buckets[self.poured..].iter().position(|b| !b.is_empty())?;
-        self.poured = next;
-        let mut entries = std::mem::take(&mut self.buckets[next]);
-        entries.retain(|&entry| {
-            let Slot { cost, filed } = self.slots[vertex_of(entry) as usize];
-            let is_true = cost_of(entry) == filed && cost == filed;
-            if cost_of(entry) == filed && !is_true {
-                self.file(vertex_of(entry), cost);
+    /// Reads what is known of a vertex (see `Simplifier::read_ahead`).
+    pub(super) fn touch(&self, vertex: u32) -> u64 {
+        self.slots[vertex as usize].cost.to_bits()
+    }
+
+    /// The least entry, brought to say what its vertex costs; the others say no more than that.
+    fn settled(&mut self) -> Option<Entry> {
+        loop {
+            let top = match (self.open.last(), self.late.peek()) {
+                (Some(&a), Some(&Reverse(b))) => a.min(b),
+                (Some(&a), None) => a,
+                (None, Some(&Reverse(b))) => b,
+                (None, None) => {
+                    self.open_next()?;
+                    continue;
+                }
+            };
+            if self.is_true(top) {
+                return Some(top);
             }
-            is_true
-        });
-        self.heap.extend(entries.into_iter().map(Reverse));
+            self.take();
+        }
+    }
+
+    /// Whether an entry says what its vertex costs. One that says less than that is about to go, and filed anew.
+    fn is_true(&mut self, entry: Entry) -> bool {
+        let Slot { cost, filed } = self.slots[vertex_of(entry) as usize];
+        let is_current = cost_of(entry) == filed;
+        if is_current && cost > filed {
+            self.file(vertex_of(entry), cost);
+        }
+        is_current && cost == filed
+    }
+
+    /// Removes the least entry.
+    fn take(&mut self) {
+        match (self.open.last(), self.late.peek()) {
+            (Some(a), Some(Reverse(b))) if b < a => drop(self.late.pop()),
+            (Some(_), _) => drop(self.open.pop()),
+            _ => drop(self.late.pop()),
+        }
+    }
+
+    /// Opens the next bucket that holds anything.
+    fn open_next(&mut self) -> Option<()> {
+        self.opened += self.buckets[self.opened..].iter().position(|b| !b.is_empty())?;
+        let mut entries = std::mem::take(&mut self.buckets[self.opened]);
+        entries.retain(|&entry| self.is_true(entry));
+        entries.sort_unstable_by(|a, b| b.cmp(a));
+        self.unannounced = entries.len();
+        self.open = entries;
         Some(())
     }
 
+    /// Files a vertex at what it costs.
     fn file(&mut self, vertex: u32, cost: f64) {
         self.slots[vertex as usize] = Slot { cost, filed: cost };
         let entry = u128::from(cost.to_bits()) << 64 | u128::from(vertex);
         let bucket = bucket_of(cost);
-        if bucket <= self.poured {
-            self.heap.push(Reverse(entry));
+        if bucket <= self.opened {
+            self.late.push(Reverse(entry));
         } else {
             self.buckets[bucket].push(entry);
         }
@@ -131,6 +175,9 @@ impl Queue {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Some in one bucket, some at its ends, some far apart.
+    const COSTS: [f64; 10] = [0.0, 1e-310, 1e-20, 1.0, 1.01, 1.03, 1.0624, 1.0625, 7.0, f64::INFINITY];
 
     /// Random sets, changes and pops against a list searched from end to end.
     #[test]
@@ -148,7 +195,7 @@ mod tests {
         };
         for round in 0..4000 {
             if round % 1000 == 0 {
-                expected = (0..100).map(|v| (v % 3 != 0).then_some((v * 7 % 10) as f64)).collect();
+                expected = (0..100).map(|v| (v % 3 != 0).then_some(COSTS[v * 7 % 10])).collect();
                 let costs = expected.iter().enumerate().filter_map(|(v, c)| c.map(|c| (v as u32, c)));
                 queue.fill(costs);
             }
@@ -160,7 +207,7 @@ mod tests {
                     expected[v] = None;
                 }
             } else {
-                let (v, cost) = (random() % 100, (random() % 10) as f64);
+                let (v, cost) = (random() % 100, COSTS[random() % 10]);
                 queue.set(v as u32, cost);
                 expected[v] = Some(cost);
             }
@@ -174,5 +221,22 @@ mod tests {
         assert!(order.len() > 50);
         assert_eq!(std::iter::from_fn(|| queue.pop()).collect::<Vec<_>>(), order);
         assert_eq!(queue.least(), f64::INFINITY);
+    }
+
+    /// Without changes, those announced are those that come, each once.
+    #[test]
+    fn announces_who_comes_next() {
+        let cost = |v: u32| 1.0 + f64::from(v * 37 % 100) * 1e-4;
+        let mut queue = Queue::new(100);
+        queue.fill((0..100).map(|v| (v, cost(v))));
+        let (mut announced, mut popped, mut coming): (Vec<u32>, Vec<u32>, Vec<u32>) = Default::default();
+        while let Some(v) = queue.pop() {
+            popped.push(v);
+            queue.announce(16, &mut coming);
+            announced.extend(coming.iter().rev());
+        }
+        assert!(popped.windows(2).all(|w| cost(w[0]) < cost(w[1])) && popped.len() == 100);
+        // The first comes before anything is open.
+        assert_eq!(announced, popped[1..]);
     }
 }

@@ -170,3 +170,27 @@ fn fans_are_counted_also_on_closed_surfaces() {
     assert_eq!(pair.euler_characteristic(), 3);
     assert_eq!(topology(1, &[]).fan_count(0), 0);
 }
+
+/// Few faces are counted in another way than many; both agree on faces drawn at random round one vertex: books, fans, holes.
+#[test]
+fn fans_of_few_faces_are_those_of_many() {
+    let mut state = 1_u64;
+    let mut random = |below: u64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) % below) as u32
+    };
+    let mut seen = [0; 4];
+    for round in 0..400 {
+        let mut triangles = Vec::new();
+        for _ in 0..1 + round % 12 {
+            let (centre, a, b) = (4, 5 + random(12), 5 + random(12));
+            let turned = [[centre, a, b], [b, centre, a], [a, b, centre]][random(3) as usize];
+            triangles.extend(Some(turned).filter(|_| a != b));
+        }
+        let drawn = topology(17, &triangles);
+        let fans = drawn.fan_count(4);
+        assert_eq!(fans, drawn.fan_count_of_many(4), "{triangles:?}");
+        seen[fans.min(3)] += 1;
+    }
+    assert!(seen[1..].iter().all(|&n| n > 10), "not all kinds were drawn: {seen:?}");
+}
