@@ -1,9 +1,12 @@
 use glam::{DMat3, DVec3};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::rotation::outer;
-use crate::{Topology, best_rotation, best_scale};
+use crate::{LANES, RotationBatch, Topology, best_scale};
+
+/// Vertices a thread fits in one go, some 10 us: fewer are not worth its start.
+const CHUNK: usize = 512;
 
 /// What a frame may do to the ring round its vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -38,32 +41,93 @@ impl Frames {
         assert_eq!(rest.len(), topology.vertex_count());
         assert_eq!(pose.len(), topology.vertex_count());
         self.matrices.resize(rest.len(), DMat3::IDENTITY);
-        self.matrices.par_iter_mut().enumerate().with_min_len(256).for_each(|(j, frame)| {
-            *frame = ring_frame(topology, rest, pose, fit, j);
+        self.matrices.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, frames)| {
+            Arch::new().dispatch(FitRings { topology, rest, pose, fit, first: chunk * CHUNK, frames });
         });
     }
 }
 
-fn ring_frame(topology: &Topology, rest: &[DVec3], pose: &[DVec3], fit: FrameFit, j: usize) -> DMat3 {
-    let (mut covariance, mut square) = (DMat3::ZERO, 0.0);
-    let mut changed = false;
-    for &k in topology.neighbours(j) {
-        let from = rest[k as usize] - rest[j];
-        let to = pose[k as usize] - pose[j];
-        changed |= from != to;
-        let length = from.length();
-        if length > 0.0 {
-            covariance += outer(to / length, from);
-            square += length;
+/// Fits the frames of the vertices from `first` on.
+struct FitRings<'a> {
+    topology: &'a Topology,
+    rest: &'a [DVec3],
+    pose: &'a [DVec3],
+    fit: FrameFit,
+    first: usize,
+    frames: &'a mut [DMat3],
+}
+
+impl WithSimd for FitRings<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { topology, rest, pose, fit, first, frames } = self;
+        let (mut batch, mut waiting) = (RotationBatch::default(), [(0, Ring::default()); LANES]);
+        let mut count = 0;
+        for at in 0..frames.len() {
+            let ring = Ring::new(topology, rest, pose, first + at);
+            if ring.changed {
+                batch.set(count, &ring.covariance());
+                waiting[count] = (at, ring);
+                count += 1;
+            } else {
+                frames[at] = DMat3::IDENTITY;
+            }
+            if count == LANES || (at + 1 == frames.len() && count > 0) {
+                batch.fit(count);
+                for (lane, (at, ring)) in waiting[..count].iter().enumerate() {
+                    let rotation = DMat3::from_cols_array_2d(&batch.get(lane));
+                    frames[*at] = match fit {
+                        FrameFit::Rotation => rotation,
+                        FrameFit::Similarity => {
+                            let covariance = DMat3::from_cols_array_2d(&ring.covariance());
+                            rotation * best_scale(rotation, covariance, ring.square)
+                        }
+                    };
+                }
+                count = 0;
+            }
         }
     }
-    if !changed {
-        return DMat3::IDENTITY;
+}
+
+/// What the ring of a vertex says about its frame.
+#[derive(Clone, Copy, Default)]
+struct Ring {
+    /// Columns of the covariance, padded to the width of a register.
+    columns: [[f64; 4]; 3],
+    /// Summed weighted square length at rest.
+    square: f64,
+    changed: bool,
+}
+
+impl Ring {
+    #[inline(always)]
+    fn new(topology: &Topology, rest: &[DVec3], pose: &[DVec3], j: usize) -> Self {
+        let mut ring = Self::default();
+        let (rest_centre, pose_centre) = (rest[j], pose[j]);
+        for &k in topology.neighbours(j) {
+            let from = rest[k as usize] - rest_centre;
+            let to = pose[k as usize] - pose_centre;
+            ring.changed |= from != to;
+            let length = from.length();
+            // A weight of 0 where the length is.
+            let weight = if length > 0.0 { 1.0 / length } else { 0.0 };
+            let to = [to.x, to.y, to.z, 0.0];
+            for (column, from) in ring.columns.iter_mut().zip(from.to_array()) {
+                for (sum, to) in column.iter_mut().zip(to) {
+                    *sum += to * (from * weight);
+                }
+            }
+            ring.square += length;
+        }
+        ring
     }
-    let rotation = best_rotation(covariance);
-    match fit {
-        FrameFit::Rotation => rotation,
-        FrameFit::Similarity => rotation * best_scale(rotation, covariance, square),
+
+    #[inline(always)]
+    fn covariance(&self) -> [[f64; 3]; 3] {
+        self.columns.map(|[x, y, z, _]| [x, y, z])
     }
 }
 

@@ -26,7 +26,7 @@ pub use error::MeshError;
 pub use frames::{FrameFit, Frames};
 pub use normals::{face_area_vector, face_normals, vertex_normals};
 pub use progress::{Cancellable, Progress, Silent};
-pub use rotation::{best_rotation, best_scale, outer};
+pub use rotation::{LANES, RotationBatch, best_rotation, best_scale, outer};
 pub use similarity::{Motion, Similarity};
 pub use topology::Topology;
 pub use tri_mesh::TriMesh;
