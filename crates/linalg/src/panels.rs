@@ -65,10 +65,10 @@ impl Panels {
         self.values.clear();
         let mut pivot = vec![LEFT_OUT; columns];
         let mut kept = Vec::new();
-        for column in 0..columns {
+        for (column, pivot) in pivot.iter_mut().enumerate() {
             let unknown = unknown(column);
             if is_free(unknown) {
-                pivot[column] = kept.len() as u32;
+                *pivot = kept.len() as u32;
                 kept.push(column);
                 self.order.push(unknown as u32);
             }
