@@ -15,6 +15,7 @@ mod rotation;
 pub mod select;
 pub mod shapes;
 mod similarity;
+pub mod threads;
 mod topology;
 mod tri_mesh;
 mod vertex_set;

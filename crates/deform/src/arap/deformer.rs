@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use pliant_linalg::{Cholesky, LinalgError};
+use pliant_mesh::threads::among_threads;
 use pliant_mesh::{MeshError, TriMesh};
 
 use super::ArapOptions;
@@ -132,7 +133,8 @@ impl Arap {
 impl Deformer for Arap {
     fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
         self.edit.read(&self.shape.frame, goals, positions)?;
-        let report = self.iterate().map_err(|error| named(error, &self.edit.cells))?;
+        let report = among_threads(self.edit.cells.roi, || self.iterate());
+        let report = report.map_err(|error| named(error, &self.edit.cells))?;
         self.edit.write(&self.shape.frame, positions)?;
         Ok(report)
     }

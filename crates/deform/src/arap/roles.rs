@@ -1,10 +1,10 @@
 //! What depends on the roles within a region of interest.
 
 use glam::DVec3;
+use pliant_mesh::threads::CHUNK;
 
 use super::cells::{Cells, NONE};
 use super::shape::Shape;
-use super::steps::CHUNK;
 use crate::{Constraint, Region, Role};
 
 /// Soft weights beyond these act as these.

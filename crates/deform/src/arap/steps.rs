@@ -2,18 +2,13 @@
 
 use glam::{DMat3, DVec3};
 use pliant_linalg::{Cholesky, LinalgError};
+use pliant_mesh::threads::{CHUNK, for_each_chunk};
 use pliant_mesh::{LANES, RotationBatch, best_rotation, outer};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::cells::{Cells, NONE, Term};
 use super::roles::{Roles, Spring};
-
-/// Slots a thread is given at a time.
-pub(super) const CHUNK: usize = 512;
-
-/// Slots from which on threads are used: for fewer, waking them costs as much as they save.
-const PARALLEL_FROM: usize = 16 * CHUNK;
 
 /// Terms whose energy is summed in one go; fixed, so that the sum does not depend on the number of threads.
 pub(super) const ENERGY_CHUNK: usize = 2048;
@@ -30,15 +25,6 @@ pub(super) fn row(p: DVec3) -> Row {
 
 pub(super) fn point([x, y, z, _]: Row) -> DVec3 {
     DVec3::new(x, y, z)
-}
-
-/// Calls `work(chunk, items)` for each [`CHUNK`] of items.
-fn for_each_chunk<T: Send>(items: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {
-    if items.len() < PARALLEL_FROM {
-        items.chunks_mut(CHUNK).enumerate().for_each(|(chunk, items)| work(chunk, items));
-    } else {
-        items.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, items)| work(chunk, items));
-    }
 }
 
 /// The local step: for each cell the rotation that best takes its rest edges to those of `pose`.
