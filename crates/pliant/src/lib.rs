@@ -21,9 +21,8 @@ pub use pliant_mesh::metrics::{
 };
 pub use pliant_mesh::shapes::creature;
 pub use pliant_mesh::{
-    Bounds, Cancellable, CleanReport, Cleaned, EdgeWeights, FrameFit, Frames, LANES, MeshError, Motion, Progress,
-    RotationBatch, Silent, Similarity, Topology, TriMesh, VertexSet, best_rotation, clean_soup, select, shapes,
-    vertex_normals,
+    Bounds, Cancellable, CleanReport, Cleaned, EdgeWeights, FrameFit, Frames, MeshError, Motion, Progress, Silent,
+    Similarity, Topology, TriMesh, VertexSet, best_rotation, clean_soup, select, shapes, vertex_normals,
 };
 pub use pliant_study::{
     Bound, Caged, Detail, Dragged, Iterations, ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError,

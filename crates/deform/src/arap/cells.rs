@@ -253,3 +253,76 @@ fn number(shape: &Shape, roi: &[u32]) -> (Vec<u32>, Vec<u32>, usize) {
     }
     (vertices, slot, cells)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use pliant_mesh::{TriMesh, shapes};
+
+    use super::*;
+    use crate::arap::{ArapEnergy, ArapOptions};
+    use crate::operators::laplacian;
+
+    fn shapes() -> Vec<TriMesh> {
+        let bar = shapes::bar(5, 2, 2, DVec3::new(3.0, 1.0, 1.0)).expect("valid size");
+        vec![shapes::icosphere(2), bar, shapes::bumpy_plane(9, 7, 1.0, 1.0, 0.2, 1).expect("valid size")]
+    }
+
+    fn laid_out(mesh: &TriMesh, energy: ArapEnergy, roi: &[u32]) -> (Shape, Cells) {
+        let shape = Shape::new(&ArapOptions { energy, ..ArapOptions::default() }, mesh).expect("finite");
+        let cells = Cells::new(&shape, roi);
+        (shape, cells)
+    }
+
+    /// Column by column the same entries as edge by edge.
+    #[test]
+    fn the_matrix_of_the_region_is_a_block_of_the_laplacian() {
+        for mesh in shapes() {
+            let n = mesh.vertex_count() as u32;
+            for roi in [(0..n).collect::<Vec<u32>>(), (0..n).filter(|v| v % 5 != 1).collect()] {
+                for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
+                    let (shape, cells) = laid_out(&mesh, energy, &roi);
+                    let diagonal: Vec<f64> = (0..roi.len()).map(|slot| cells.diagonal(slot)).collect();
+                    let mut block = BTreeMap::new();
+                    for t in laplacian(shape.topology(), &shape.edges) {
+                        let slots = [t.row, t.col].map(|v| roi.binary_search(&v).ok());
+                        if let [Some(row), Some(col)] = slots {
+                            *block.entry((row.max(col), row.min(col))).or_insert(0.0) += t.value;
+                        }
+                    }
+                    let values: Vec<f64> = cells.laplacian(&diagonal).collect();
+                    assert_eq!(values.len(), block.len());
+                    for (value, (place, expected)) in values.iter().zip(&block) {
+                        assert!((value - expected).abs() <= 1e-14 * expected.abs(), "{place:?}: {value} {expected}");
+                    }
+                    assert_eq!(cells.pattern().expect("small").unknowns(), roi.len());
+                }
+            }
+        }
+    }
+
+    /// At rest, with all rotations the identity, nothing pulls: `L p = sum c_ij / m`. And a covariance is that of the rest edges.
+    #[test]
+    fn rest_is_in_equilibrium() {
+        for mesh in shapes() {
+            let roi: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
+            for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
+                let (shape, cells) = laid_out(&mesh, energy, &roi);
+                let at = |slot: u32| shape.inner[cells.vertices[slot as usize] as usize];
+                for slot in 0..cells.roi {
+                    let (pulls, own) = cells.pulls(slot);
+                    let mut residual = DVec3::from(own);
+                    for (&other, pull) in cells.neighbours(slot).iter().zip(pulls) {
+                        residual += DVec3::from(pull.rest) - pull.weight * (at(slot as u32) - at(other));
+                    }
+                    assert!(residual.length() <= 1e-14 * cells.diagonal(slot), "{energy:?}: {residual}");
+                    // trace S = sum w |e|^2 over the edges of the cell, so it is positive.
+                    let edges = cells.neighbours(slot).iter().zip(cells.covariance(slot));
+                    let trace: f64 = edges.map(|(&j, c)| (at(j) - at(slot as u32)).dot(DVec3::from(*c))).sum();
+                    assert!(trace > 0.0);
+                }
+            }
+        }
+    }
+}
