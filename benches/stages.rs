@@ -112,19 +112,30 @@ fn bind_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     Ok(())
 }
 
-/// Assembly and factorisation after a change of handles, in unknowns a second.
+/// Assembly and factorisation, in unknowns a second: for a new region of interest, and for other handles in the same one.
 ///
-/// Sequential. Fill-reducing order, symbolic factor and assembly chase scattered indices, bound by latency; the numbers of
-/// the factor are made in small dense blocks, bound by arithmetic, and their flops grow faster than the unknowns (`n^1.5`
-/// on a surface at best). At these sizes the former is most of it, so time should grow little faster than the unknowns.
+/// Sequential. The first finds weights, cells, a fill-reducing order and a symbolic factor, which chase scattered indices, bound by
+/// latency; both make the numbers of the factor, bound by arithmetic, whose flops grow faster than the unknowns (`n^1.5`
+/// on a surface at best). All run over the whole region of interest, handles included. So other handles should take less than half
+/// of a new region for the cage, and a growing share as meshes do.
 fn prepare_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("prepare");
     for (name, mesh) in [("5K cage", &models.cage_5k), ("20K shape", &models.shape_20k)] {
         let (_, region) = edit(mesh)?;
         let method = Method::default();
-        let unknowns = method.prepare(mesh, &region)?.prepared().unknowns;
-        group.throughput(Throughput::Elements(unknowns as u64));
-        group.bench_function(name, |b| b.iter(|| method.prepare(mesh, &region).expect("prepared before")));
+        let mut deformer = method.prepare(mesh, &region)?;
+        group.throughput(Throughput::Elements(deformer.prepared().unknowns as u64));
+        group.bench_function(BenchmarkId::new("region", name), |b| {
+            b.iter(|| method.prepare(mesh, &region).expect("prepared before"));
+        });
+        let fewer = Region::new(mesh.vertex_count(), &VertexSet::all(mesh.vertex_count()), &region.handles()[1..])?;
+        let mut regions = [&fewer, &region];
+        group.bench_function(BenchmarkId::new("handles", name), |b| {
+            b.iter(|| {
+                deformer.set_region(regions[0]).expect("a part of a region that was prepared before");
+                regions.swap(0, 1);
+            });
+        });
     }
     group.finish();
     Ok(())
@@ -132,10 +143,11 @@ fn prepare_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
 
 /// One step of a drag, two iterations from the last pose, in unknowns a second.
 ///
-/// A solve does three local and three global steps, as the initial guess takes one of each. A local step is parallel and
-/// bound by arithmetic: a best rotation is a few hundred dependent flops. A global step is sequential and reads the factor
-/// twice, 8 to 12 bytes a number; it has some 16 numbers an unknown for the cage and 44 for the shape, which outgrow the
-/// near cache. So unknowns a second fall from the one to the other.
+/// A solve does three local and three global steps, as the initial guess takes one of each. A local step is bound by
+/// arithmetic, a few hundred flops a cell, eight cells at a time; the right-hand side of a global step by fetching neighbours. Both are
+/// shared among threads, for the cage with a gain of a fifth, as waking a thread takes a good part of what it saves. The rest of a
+/// global step is sequential and reads the factor twice, 8 to 12 bytes a number; it has some 19 numbers an unknown for the cage and 44 for
+/// the shape, which outgrow the near cache. So unknowns a second fall from the one to the other.
 fn solve_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("solve");
     for (name, mesh) in [("5K cage", &models.cage_5k), ("25K direct", &models.shape_25k)] {

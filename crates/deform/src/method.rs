@@ -87,6 +87,16 @@ pub trait Deformer: Send {
     /// [`DeformError::Mesh`] for a pose that does not fit or is not finite, [`DeformError::ResultNotFinite`].
     fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError>;
 
+    /// Makes ready for another region of the same rest shape: handles added, removed, grown, or moved between hard and soft.
+    ///
+    /// Solutions are then those of a deformer freshly prepared for `region`. Where the region of interest has the same vertices
+    /// as before, only numbers are computed again; otherwise everything that depends on it is. Poses are not touched, so the next solve
+    /// may start from the last one. On an error the deformer stays as it was and solves for the region it had.
+    ///
+    /// # Errors
+    /// As [`Method::prepare`].
+    fn set_region(&mut self, region: &Region) -> Result<PrepareReport, DeformError>;
+
     /// What was found out while preparing.
     fn prepared(&self) -> PrepareReport {
         PrepareReport::default()
@@ -103,7 +113,7 @@ pub struct PrepareReport {
     pub unconstrained: usize,
     /// Edge weights that had to be changed to keep the equations well-behaved.
     pub clamped_weights: usize,
-    /// Numbers stored for the factor.
+    /// Numbers stored for solving.
     pub factor_len: usize,
 }
 

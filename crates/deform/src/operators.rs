@@ -1,5 +1,6 @@
 //! From a shape to the numbers of a matrix: weights of edges, of edges within faces, and the Laplacian they make.
 
+#[cfg(test)]
 use pliant_linalg::Triplet;
 use pliant_mesh::{EdgeWeights, Topology, TriMesh};
 use serde::{Deserialize, Serialize};
@@ -114,6 +115,7 @@ pub(crate) fn edge_sums(topology: &Topology, face_weights: &[[f64; 3]]) -> Vec<f
 }
 
 /// The positive semidefinite Laplacian `+L`, `(L x)_i = sum_j w_ij (x_i - x_j)`: three entries per edge.
+#[cfg(test)]
 pub(crate) fn laplacian(topology: &Topology, weights: &[f64]) -> Vec<Triplet> {
     let entries =
         |(&[a, b], &w): (&[u32; 2], &f64)| [Triplet::new(a, a, w), Triplet::new(b, b, w), Triplet::new(a, b, -w)];

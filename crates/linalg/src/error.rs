@@ -24,6 +24,12 @@ pub enum LinalgError {
         /// Unknowns.
         unknowns: usize,
     },
+    /// A column of an upper triangle is not what it should be.
+    #[error("column {col}: its rows must increase and end with {col}, and columns must follow each other")]
+    BadColumn {
+        /// The column; the number of columns if there are entries behind the last.
+        col: usize,
+    },
     /// Values or right-hand sides of the wrong number.
     #[error("{found} {what} given where {expected} are needed")]
     WrongCount {

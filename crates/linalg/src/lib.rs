@@ -3,7 +3,7 @@
 //! A system has three lifetimes, and each is paid for only when its inputs change:
 //!
 //! 1. the *pattern* (which unknowns are coupled): [`SpdPattern`], an ordering and a symbolic factor;
-//! 2. the *values*: [`Cholesky::new`], then [`Cholesky::refactor`] in the same memory;
+//! 2. the *values*, and which unknowns are free: [`Cholesky::of_block`], then [`Cholesky::refactor_block`] in the same memory;
 //! 3. the *right-hand sides*: [`Cholesky::solve_in_place`], which allocates nothing.
 //!
 //! [`Partition`] takes known unknowns out of a system: it cuts a full matrix, given as [`Triplet`]s, into the block of
@@ -13,11 +13,14 @@
 
 mod cholesky;
 mod error;
+mod panels;
 mod partition;
+mod pattern;
 
-pub use cholesky::{Cholesky, SpdPattern};
+pub use cholesky::Cholesky;
 pub use error::LinalgError;
 pub use partition::{Coupling, Partition};
+pub use pattern::SpdPattern;
 
 /// One entry of a symmetric matrix.
 ///

@@ -296,3 +296,96 @@ fn eliminating_fixed_unknowns_keeps_the_solution() {
         assert!((found - expected).abs() <= 1e-10 * expected.abs().max(1.0), "{found} instead of {expected}");
     }
 }
+
+/// The block of the free unknowns, cut out by values alone, is the matrix that has only that block; and what is left out takes no part,
+/// however singular it is.
+#[test]
+fn blocks_are_refactored_in_the_pattern_of_the_whole() {
+    let mut random = Random(6);
+    // Entry by entry and by dense blocks inside faer.
+    for side in [1, 2, 9, 30, 90] {
+        let n = side * side;
+        let whole = grid_laplacian(side, &mut random);
+        let pattern = Arc::new(SpdPattern::new(n, &whole).expect("valid"));
+        let values = || whole.iter().map(|t| t.value);
+        let mut kept = Cholesky::of_block(Arc::clone(&pattern), values(), |i| i > 0).expect("grounded");
+        for leave_out in [0.001, 0.1, 0.5, 0.9, 1.0] {
+            // The first is always left out, which grounds the rest.
+            let is_free: Vec<bool> = (0..n).map(|i| i > 0 && random.next().abs() >= leave_out).collect();
+            kept.refactor_block(values(), |i| is_free[i]).expect("grounded");
+            let b = random_rhs(n, &mut random);
+            let mut x = b.clone();
+            kept.solve_in_place(&mut x).expect("solvable");
+
+            let mut fresh = Cholesky::of_block(Arc::clone(&pattern), values(), |i| is_free[i]).expect("grounded");
+            let mut again = b.clone();
+            fresh.solve_in_place(&mut again).expect("solvable");
+            assert!(x == again, "{side} x {side}, {leave_out}");
+            assert_eq!(kept.solve_len(), fresh.solve_len());
+
+            let partition = Partition::new(n, |i| is_free[i]).expect("small");
+            let block = partition.free_block(&whole).expect("valid");
+            let mut rhs: Vec<[f64; 3]> = partition.free().iter().map(|&i| b[i as usize]).collect();
+            let mut alone = Cholesky::of_triplets(rhs.len(), &block).expect("grounded");
+            alone.solve_in_place(&mut rhs).expect("solvable");
+            let size = rhs.iter().flatten().fold(1.0f64, |m, x| m.max(x.abs()));
+            for i in 0..n {
+                match partition.free_index(i) {
+                    // Condition numbers are below 1e5.
+                    Some(k) => assert!((0..3).all(|c| (x[i][c] - rhs[k][c]).abs() <= 1e-11 * size), "{side}: {i}"),
+                    None => assert_eq!(x[i], b[i]),
+                }
+            }
+        }
+        // Everything free: nothing grounds it, in the one order of elimination as in any.
+        if side > 1 {
+            assert!(matches!(kept.refactor(values()), Err(LinalgError::NotPositiveDefinite { .. })));
+            assert!(kept.solve_in_place(&mut random_rhs(n, &mut random)).is_err());
+        }
+    }
+}
+
+#[test]
+fn columns_are_triplets_in_order() {
+    let mut random = Random(7);
+    let (side, n) = (40, 1600);
+    let triplets = grounded(grid_laplacian(side, &mut random));
+    let mut columns = vec![Vec::new(); n];
+    let mut sums = std::collections::BTreeMap::new();
+    for t in &triplets {
+        *sums.entry((t.row.max(t.col), t.row.min(t.col))).or_insert(0.0) += t.value;
+    }
+    for &(col, row) in sums.keys() {
+        columns[col as usize].push(row);
+    }
+    let mut col_ptr = vec![0];
+    col_ptr.extend(columns.iter().scan(0, |end, column| {
+        *end += column.len() as u32;
+        Some(*end)
+    }));
+    let row_idx = columns.concat();
+    let pattern = Arc::new(SpdPattern::of_columns(col_ptr.clone(), row_idx.clone()).expect("valid"));
+    let mut x = random_rhs(n, &mut random);
+    let mut y = x.clone();
+    let mut factor = Cholesky::new(pattern, sums.values().copied()).expect("positive definite");
+    factor.solve_in_place(&mut x).expect("solvable");
+    Cholesky::of_triplets(n, &triplets).expect("positive definite").solve_in_place(&mut y).expect("solvable");
+    assert!(x == y);
+    let error = factor.refactor(sums.values().copied().skip(1)).expect_err("too few values");
+    assert!(matches!(error, LinalgError::WrongCount { what: "values", .. }));
+
+    let refused = |col_ptr: &[u32], row_idx: &[u32]| match SpdPattern::of_columns(col_ptr.to_vec(), row_idx.to_vec()) {
+        Err(LinalgError::BadColumn { col }) => col,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(refused(&[0, 1, 2], &[0, 0]), 1);
+    assert_eq!(refused(&[0, 1, 3], &[0, 1, 1]), 1);
+    assert_eq!(refused(&[0, 1, 3], &[0, 1, 0]), 1);
+    assert_eq!(refused(&[0, 1, 9], &[0, 0, 1]), 1);
+    assert_eq!(refused(&[1, 1], &[0]), 0);
+    assert_eq!(refused(&[0, 2, 1], &[0, 1]), 0);
+    assert_eq!(refused(&[0, 1, 2], &[0, 1, 1]), 2);
+    assert_eq!(refused(&[], &[0]), 0);
+    assert_eq!(SpdPattern::of_columns(vec![0], vec![]).expect("empty").unknowns(), 0);
+    assert_eq!(SpdPattern::of_columns(vec![], vec![]).expect("empty").unknowns(), 0);
+}

@@ -1,9 +1,9 @@
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
+use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
-use crate::rotation::outer;
-use crate::{Topology, best_rotation, best_scale};
+use crate::threads::{CHUNK, among_threads, for_each_chunk};
+use crate::{LANES, RotationBatch, Topology, best_scale};
 
 /// What a frame may do to the ring round its vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -23,7 +23,14 @@ pub enum FrameFit {
 pub struct Frames {
     /// One matrix per vertex: a proper rotation, times a scale under [`FrameFit::Similarity`].
     pub matrices: Vec<DMat3>,
+    /// Rest and pose of each vertex, padded to the width of a register.
+    points: Vec<[Row; 2]>,
+    /// Inverse rest length of each edge, 0 for an edge without length.
+    weights: Vec<f64>,
 }
+
+/// A point and a 0.
+type Row = [f64; 4];
 
 impl Frames {
     /// Recomputes all frames in place, in parallel; allocates only on the first call.
@@ -38,32 +45,122 @@ impl Frames {
         assert_eq!(rest.len(), topology.vertex_count());
         assert_eq!(pose.len(), topology.vertex_count());
         self.matrices.resize(rest.len(), DMat3::IDENTITY);
-        self.matrices.par_iter_mut().enumerate().with_min_len(256).for_each(|(j, frame)| {
-            *frame = ring_frame(topology, rest, pose, fit, j);
+        let padded = |p: &DVec3| [p.x, p.y, p.z, 0.0];
+        self.points.clear();
+        self.points.extend(rest.iter().zip(pose).map(|(rest, pose)| [padded(rest), padded(pose)]));
+        self.weights.resize(topology.edges().len(), 0.0);
+        let Self { matrices, points, weights } = self;
+        among_threads(rest.len(), || {
+            for_each_chunk(weights, |chunk, weights| {
+                let edges = &topology.edges()[chunk * CHUNK..][..weights.len()];
+                Arch::new().dispatch(WeighEdges { edges, points, weights });
+            });
+            for_each_chunk(matrices, |chunk, frames| {
+                Arch::new().dispatch(FitRings { topology, points, weights, fit, first: chunk * CHUNK, frames });
+            });
         });
     }
 }
 
-fn ring_frame(topology: &Topology, rest: &[DVec3], pose: &[DVec3], fit: FrameFit, j: usize) -> DMat3 {
-    let (mut covariance, mut square) = (DMat3::ZERO, 0.0);
-    let mut changed = false;
-    for &k in topology.neighbours(j) {
-        let from = rest[k as usize] - rest[j];
-        let to = pose[k as usize] - pose[j];
-        changed |= from != to;
-        let length = from.length();
-        if length > 0.0 {
-            covariance += outer(to / length, from);
-            square += length;
+#[inline(always)]
+fn subtract(a: Row, b: Row) -> Row {
+    std::array::from_fn(|c| a[c] - b[c])
+}
+
+/// The weights of some edges: in a pass of their own, as roots and quotients are slow one at a time.
+struct WeighEdges<'a> {
+    edges: &'a [[u32; 2]],
+    points: &'a [[Row; 2]],
+    weights: &'a mut [f64],
+}
+
+impl WithSimd for WeighEdges<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { edges, points, weights } = self;
+        for (&[a, b], weight) in edges.iter().zip(&mut *weights) {
+            let [x, y, z, _] = subtract(points[a as usize][0], points[b as usize][0]);
+            *weight = x * x + y * y + z * z;
+        }
+        for weight in weights {
+            *weight = if *weight > 0.0 { 1.0 / weight.sqrt() } else { 0.0 };
         }
     }
-    if !changed {
-        return DMat3::IDENTITY;
+}
+
+/// Fits the frames of the vertices from `first` on.
+struct FitRings<'a> {
+    topology: &'a Topology,
+    points: &'a [[Row; 2]],
+    weights: &'a [f64],
+    fit: FrameFit,
+    first: usize,
+    frames: &'a mut [DMat3],
+}
+
+impl WithSimd for FitRings<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { topology, points, weights, fit, first, frames } = self;
+        let mut batch = RotationBatch::default();
+        let (mut waiting, mut squares, mut count) = ([0; LANES], [0.0; LANES], 0);
+        for at in 0..frames.len() {
+            let ring = Ring::new(topology, points, weights, first + at);
+            if ring.changed {
+                batch.set(count, &ring.columns.map(|[x, y, z, _]| [x, y, z]));
+                (waiting[count], squares[count]) = (at, ring.square);
+                count += 1;
+            } else {
+                frames[at] = DMat3::IDENTITY;
+            }
+            if count == LANES || (at + 1 == frames.len() && count > 0) {
+                let covariances = (fit == FrameFit::Similarity).then_some(batch);
+                batch.fit(count);
+                for (lane, &at) in waiting[..count].iter().enumerate() {
+                    let rotation = DMat3::from_cols_array_2d(&batch.get(lane));
+                    frames[at] = rotation;
+                    if let Some(covariances) = &covariances {
+                        let covariance = DMat3::from_cols_array_2d(&covariances.get(lane));
+                        frames[at] *= best_scale(rotation, covariance, squares[lane]);
+                    }
+                }
+                count = 0;
+            }
+        }
     }
-    let rotation = best_rotation(covariance);
-    match fit {
-        FrameFit::Rotation => rotation,
-        FrameFit::Similarity => rotation * best_scale(rotation, covariance, square),
+}
+
+/// What the ring of a vertex says about its frame.
+struct Ring {
+    /// Columns of the covariance, padded to the width of a register.
+    columns: [Row; 3],
+    /// Summed weighted square length at rest.
+    square: f64,
+    changed: bool,
+}
+
+impl Ring {
+    #[inline(always)]
+    fn new(topology: &Topology, points: &[[Row; 2]], weights: &[f64], j: usize) -> Self {
+        let mut ring = Self { columns: [[0.0; 4]; 3], square: 0.0, changed: false };
+        let [rest, pose] = points[j];
+        for (&k, &edge) in topology.neighbours(j).iter().zip(topology.neighbour_edges(j)) {
+            let [rest_end, pose_end] = points[k as usize];
+            let (from, to) = (subtract(rest_end, rest), subtract(pose_end, pose));
+            ring.changed |= from != to;
+            let weighted = from.map(|from| from * weights[edge as usize]);
+            for (column, weighted) in ring.columns.iter_mut().zip(weighted) {
+                for (sum, to) in column.iter_mut().zip(to) {
+                    *sum += to * weighted;
+                }
+            }
+            ring.square += weighted[0] * from[0] + weighted[1] * from[1] + weighted[2] * from[2];
+        }
+        ring
     }
 }
 

@@ -1,49 +1,12 @@
 //! The cells of the energy, laid out flat for the local and the global step.
 
 use glam::DVec3;
-use pliant_mesh::Topology;
+use pliant_linalg::{LinalgError, SpdPattern};
 
-use crate::operators::FaceWeights;
+use super::shape::Shape;
 
-/// No cell.
+/// No slot.
 pub(super) const NONE: u32 = u32::MAX;
-
-/// Which edges belong to the cell of a vertex, and their weights.
-pub(super) enum CellEdges {
-    /// The edges at the vertex; one weight per edge of the mesh.
-    Spokes(Vec<f64>),
-    /// The edges of the faces round the vertex, each once per face.
-    SpokesAndRims(FaceWeights),
-}
-
-impl CellEdges {
-    /// In how many cells each share of an edge's weight is counted: both ends, or the three corners of a face.
-    pub(super) fn multiplicity(&self) -> f64 {
-        match self {
-            Self::Spokes(_) => 2.0,
-            Self::SpokesAndRims(_) => 3.0,
-        }
-    }
-
-    /// The edges `(p, q, weight)` of the cell of vertex `i`.
-    fn for_each(&self, topology: &Topology, i: usize, mut edge: impl FnMut(u32, u32, f64)) {
-        match self {
-            Self::Spokes(weights) => {
-                for (&j, &e) in topology.neighbours(i).iter().zip(topology.neighbour_edges(i)) {
-                    edge(i as u32, j, weights[e as usize]);
-                }
-            }
-            Self::SpokesAndRims(faces) => {
-                for &face in topology.vertex_faces(i) {
-                    let t = topology.triangles()[face as usize];
-                    for (k, &w) in faces.values[face as usize].iter().enumerate() {
-                        edge(t[(k + 1) % 3], t[(k + 2) % 3], w);
-                    }
-                }
-            }
-        }
-    }
-}
 
 /// One edge of the energy and the cells that count it.
 pub(super) struct Term {
@@ -53,17 +16,18 @@ pub(super) struct Term {
     pub(super) weight: f64,
 }
 
-/// What a neighbour's cell contributes to the equation of an unknown.
+/// What a neighbour's cell contributes to the equation of a vertex.
 #[derive(Clone, Copy)]
 pub(super) struct Pull {
     /// Rest vector that the neighbour's rotation is applied to.
-    pub(super) rest: DVec3,
+    pub(super) rest: [f64; 3],
     /// Weight of the edge between the two in the matrix.
     pub(super) weight: f64,
 }
 
-/// The part of the mesh that an edit can reach, renumbered: *slots* `0..unknowns` are solved for, slots `..cells` have
-/// a rotation (they are unknown or next to one), and the remaining ones are only looked at by those cells.
+/// The part of the mesh that an edit of a region of interest can reach, renumbered: *slots* `0..roi` are the region, whatever
+/// the roles of its vertices; slots `..cells` have a rotation (they are in the region or next to it), and the remaining ones are only
+/// looked at by those cells.
 ///
 /// The energy of the cell of `i` is a sum over its edges `w |(p'_p - p'_q) - R_i (p_p - p_q)|^2`. For both energies
 /// the best `R_i` comes from `S_i = sum_j (p'_j - p'_i) c_ij^T` over the neighbours `j`, where `c_ij = sum_q w (p_j -
@@ -73,108 +37,182 @@ pub(super) struct Pull {
 pub(super) struct Cells {
     /// Mesh vertex of each slot; increasing within the three ranges.
     pub(super) vertices: Vec<u32>,
-    pub(super) unknowns: usize,
+    pub(super) roi: usize,
     pub(super) cells: usize,
     /// Row `i` of the lists below is `offsets[i]..offsets[i + 1]`.
-    pub(super) offsets: Vec<u32>,
-    /// Slots next to each cell's.
-    pub(super) neighbours: Vec<u32>,
+    offsets: Vec<u32>,
+    /// Slots next to each cell's, by increasing vertex.
+    neighbours: Vec<u32>,
     /// `c_ij` for the neighbours `j` of each cell `i`.
-    pub(super) covariance: Vec<DVec3>,
-    /// `c_ij / m` for the neighbours `i` of each unknown `j`, and the weight.
-    pub(super) pulls: Vec<Pull>,
-    /// `c_jj / m` for each unknown.
-    pub(super) own_pull: Vec<DVec3>,
-    pub(super) terms: Vec<Term>,
+    covariance: Vec<[f64; 3]>,
+    /// `c_ij / m` for the neighbours `i` of each vertex `j` of the region, and the weight.
+    pulls: Vec<Pull>,
+    /// `c_jj / m` for each vertex of the region.
+    own_pull: Vec<[f64; 3]>,
 }
 
 impl Cells {
-    /// `unknowns` are mesh vertices, increasing; `matrix` has the weight of each edge in the Laplacian.
-    pub(super) fn new(
-        topology: &Topology,
-        rest: &[DVec3],
-        edges: &CellEdges,
-        matrix: &[f64],
-        unknowns: &[u32],
-    ) -> Self {
-        let (vertices, slot, cells) = number(topology, unknowns);
+    /// `roi` are mesh vertices, increasing.
+    pub(super) fn new(shape: &Shape, roi: &[u32]) -> Self {
+        let (vertices, slot, cells) = number(shape, roi);
         let mut layout = Self {
             vertices,
-            unknowns: unknowns.len(),
+            roi: roi.len(),
             cells,
             offsets: vec![0],
             neighbours: Vec::new(),
             covariance: Vec::new(),
             pulls: Vec::new(),
             own_pull: Vec::new(),
-            terms: Vec::new(),
         };
-        layout.fill_cells(topology, rest, edges, &slot);
-        layout.fill_pulls(topology, edges.multiplicity(), matrix);
-        layout.fill_terms(topology, edges, &slot);
+        layout.fill_neighbours(shape, &slot);
+        match &shape.faces {
+            None => layout.fill_spokes(shape),
+            Some(faces) => layout.fill_spokes_and_rims(shape, &faces.values),
+        }
         layout
     }
 
-    pub(super) fn row(&self, cell: usize) -> std::ops::Range<usize> {
+    /// Slots next to the slot of a cell.
+    #[inline(always)]
+    pub(super) fn neighbours(&self, cell: usize) -> &[u32] {
+        &self.neighbours[self.row(cell)]
+    }
+
+    /// `c_ij`, parallel to [`Self::neighbours`].
+    #[inline(always)]
+    pub(super) fn covariance(&self, cell: usize) -> &[[f64; 3]] {
+        &self.covariance[self.row(cell)]
+    }
+
+    /// Parallel to [`Self::neighbours`], for a slot of the region; and its own rest vector.
+    #[inline(always)]
+    pub(super) fn pulls(&self, slot: usize) -> (&[Pull], [f64; 3]) {
+        (&self.pulls[self.row(slot)], self.own_pull[slot])
+    }
+
+    #[inline(always)]
+    fn row(&self, cell: usize) -> std::ops::Range<usize> {
         self.offsets[cell] as usize..self.offsets[cell + 1] as usize
     }
 
-    fn fill_cells(&mut self, topology: &Topology, rest: &[DVec3], edges: &CellEdges, slot: &[u32]) {
-        for cell in 0..self.cells {
-            let i = self.vertices[cell] as usize;
-            let ring = topology.neighbours(i);
-            let start = self.neighbours.len();
-            self.neighbours.extend(ring.iter().map(|&j| slot[j as usize]));
-            self.covariance.resize(self.neighbours.len(), DVec3::ZERO);
-            let sums = &mut self.covariance[start..];
-            edges.for_each(topology, i, |p, q, w| {
-                let pull = w * (rest[p as usize] - rest[q as usize]);
-                // The centre's own sum is never needed here: it multiplies p'_i - p'_i.
-                if let Ok(at) = ring.binary_search(&p) {
-                    sums[at] += pull;
-                }
-                if let Ok(at) = ring.binary_search(&q) {
-                    sums[at] -= pull;
-                }
-            });
+    fn fill_neighbours(&mut self, shape: &Shape, slot: &[u32]) {
+        let topology = shape.topology();
+        for &v in &self.vertices[..self.cells] {
+            self.neighbours.extend(topology.neighbours(v as usize).iter().map(|&j| slot[j as usize]));
             self.offsets.push(self.neighbours.len() as u32);
         }
     }
 
-    fn fill_pulls(&mut self, topology: &Topology, multiplicity: f64, matrix: &[f64]) {
-        for unknown in 0..self.unknowns {
-            let j = self.vertices[unknown];
+    /// Each spoke is the only edge of its cell at its outer end, so everything follows from its rest vector.
+    fn fill_spokes(&mut self, shape: &Shape) {
+        let topology = shape.topology();
+        self.covariance.reserve_exact(self.neighbours.len());
+        self.pulls.reserve_exact(self.offsets[self.roi] as usize);
+        for (cell, &v) in self.vertices[..self.cells].iter().enumerate() {
+            let centre = shape.inner[v as usize];
             let mut own = DVec3::ZERO;
-            for (entry, &e) in self.row(unknown).zip(topology.neighbour_edges(j as usize)) {
-                own -= self.covariance[entry];
-                let cell = self.neighbours[entry] as usize;
-                let ring = topology.neighbours(self.vertices[cell] as usize);
-                // Neighbourhood is symmetric, so the unknown is in its neighbour's ring.
-                let back = self.offsets[cell] as usize + ring.partition_point(|&v| v < j);
-                let rest = self.covariance[back] / multiplicity;
-                self.pulls.push(Pull { rest, weight: matrix[e as usize] });
+            for (&j, &e) in topology.neighbours(v as usize).iter().zip(topology.neighbour_edges(v as usize)) {
+                let weight = shape.edges[e as usize];
+                let pull = weight * (shape.inner[j as usize] - centre);
+                self.covariance.push(pull.to_array());
+                if cell < self.roi {
+                    self.pulls.push(Pull { rest: (-0.5 * pull).to_array(), weight });
+                    own -= 0.5 * pull;
+                }
             }
-            self.own_pull.push(own / multiplicity);
+            if cell < self.roi {
+                self.own_pull.push(own.to_array());
+            }
         }
     }
 
-    fn fill_terms(&mut self, topology: &Topology, edges: &CellEdges, slot: &[u32]) {
-        let cells = self.cells as u32;
-        let cell_of = |v: u32| if slot[v as usize] < cells { slot[v as usize] } else { NONE };
-        let mut add = |p: u32, q: u32, weight: f64, counted_by: [u32; 3]| {
-            if counted_by.iter().any(|&c| c != NONE) {
+    fn fill_spokes_and_rims(&mut self, shape: &Shape, faces: &[[f64; 3]]) {
+        let topology = shape.topology();
+        let mut covariance = vec![DVec3::ZERO; self.neighbours.len()];
+        for (cell, &v) in self.vertices[..self.cells].iter().enumerate() {
+            let ring = topology.neighbours(v as usize);
+            let sums = &mut covariance[self.row(cell)];
+            for &face in topology.vertex_faces(v as usize) {
+                let t = topology.triangles()[face as usize];
+                for (k, &w) in faces[face as usize].iter().enumerate() {
+                    let (p, q) = (t[(k + 1) % 3], t[(k + 2) % 3]);
+                    let pull = w * (shape.inner[p as usize] - shape.inner[q as usize]);
+                    // The centre's own sum is never needed here: it multiplies p'_i - p'_i.
+                    if let Ok(at) = ring.binary_search(&p) {
+                        sums[at] += pull;
+                    }
+                    if let Ok(at) = ring.binary_search(&q) {
+                        sums[at] -= pull;
+                    }
+                }
+            }
+        }
+        for (slot, &j) in self.vertices[..self.roi].iter().enumerate() {
+            let mut own = DVec3::ZERO;
+            for (entry, &e) in self.row(slot).zip(topology.neighbour_edges(j as usize)) {
+                own -= covariance[entry];
+                let cell = self.neighbours[entry] as usize;
+                let ring = topology.neighbours(self.vertices[cell] as usize);
+                // Neighbourhood is symmetric, so the vertex is in its neighbour's ring.
+                let back = self.offsets[cell] as usize + ring.partition_point(|&v| v < j);
+                let rest = (covariance[back] / 3.0).to_array();
+                self.pulls.push(Pull { rest, weight: shape.edges[e as usize] });
+            }
+            self.own_pull.push((own / 3.0).to_array());
+        }
+        self.covariance = covariance.into_iter().map(DVec3::into).collect();
+    }
+
+    /// The sum of the weights at a slot of the region: its diagonal entry in the Laplacian.
+    pub(super) fn diagonal(&self, slot: usize) -> f64 {
+        self.pulls(slot).0.iter().map(|pull| pull.weight).sum()
+    }
+
+    /// Order and symbolic factor of the Laplacian of the region, whatever its roles.
+    pub(super) fn pattern(&self) -> Result<SpdPattern, LinalgError> {
+        let mut col_ptr = vec![0];
+        let mut row_idx = Vec::with_capacity(self.roi + self.offsets[self.roi] as usize / 2);
+        for slot in 0..self.roi as u32 {
+            // Slots of the region increase with their vertices, so these do.
+            row_idx.extend(self.neighbours(slot as usize).iter().filter(|&&other| other < slot));
+            row_idx.push(slot);
+            col_ptr.push(row_idx.len() as u32);
+        }
+        SpdPattern::of_columns(col_ptr, row_idx)
+    }
+
+    /// The entries of the Laplacian in the order of [`Self::pattern`]; `diagonal` has the diagonal ones.
+    pub(super) fn laplacian<'a>(&'a self, diagonal: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        (0..self.roi as u32).zip(diagonal).flat_map(|(slot, &diagonal)| {
+            let row = self.neighbours(slot as usize).iter().zip(self.pulls(slot as usize).0);
+            let before = row.filter(move |&(&other, _)| other < slot).map(|(_, pull)| -pull.weight);
+            before.chain(std::iter::once(diagonal))
+        })
+    }
+
+    /// The edges of the energy that cells count.
+    pub(super) fn terms(&self, shape: &Shape) -> Vec<Term> {
+        let topology = shape.topology();
+        let mut slot = vec![NONE; topology.vertex_count()];
+        for (s, &v) in (0..).zip(&self.vertices) {
+            slot[v as usize] = s;
+        }
+        let cell_of = |v: u32| if slot[v as usize] < self.cells as u32 { slot[v as usize] } else { NONE };
+        let mut terms = Vec::new();
+        let mut add = |p: u32, q: u32, weight: f64, cells: [u32; 3]| {
+            if cells.iter().any(|&c| c != NONE) {
                 // Next to a cell, so both have slots.
-                let ends = [slot[p as usize], slot[q as usize]];
-                self.terms.push(Term { ends, cells: counted_by, weight });
+                terms.push(Term { ends: [slot[p as usize], slot[q as usize]], cells, weight });
             }
         };
-        match edges {
-            CellEdges::Spokes(weights) => {
-                for (&[p, q], &w) in topology.edges().iter().zip(weights) {
+        match &shape.faces {
+            None => {
+                for (&[p, q], &w) in topology.edges().iter().zip(&shape.edges) {
                     add(p, q, w, [cell_of(p), cell_of(q), NONE]);
                 }
             }
-            CellEdges::SpokesAndRims(faces) => {
+            Some(faces) => {
                 for (t, weights) in topology.triangles().iter().zip(&faces.values) {
                     for (k, &w) in weights.iter().enumerate() {
                         add(t[(k + 1) % 3], t[(k + 2) % 3], w, t.map(cell_of));
@@ -182,22 +220,24 @@ impl Cells {
                 }
             }
         }
+        terms
     }
 }
 
 /// Vertices by slot, slots by vertex ([`NONE`] where there is none), and the number of cells.
-fn number(topology: &Topology, unknowns: &[u32]) -> (Vec<u32>, Vec<u32>, usize) {
+fn number(shape: &Shape, roi: &[u32]) -> (Vec<u32>, Vec<u32>, usize) {
+    let topology = shape.topology();
     let mut slot = vec![NONE; topology.vertex_count()];
-    let mut vertices = unknowns.to_vec();
-    for (k, &v) in unknowns.iter().enumerate() {
+    let mut vertices = roi.to_vec();
+    for (k, &v) in roi.iter().enumerate() {
         slot[v as usize] = k as u32;
     }
     // One ring more twice: first to the other cells, then to what those look at.
     let mut cells = 0;
     for _ in 0..2 {
-        cells = vertices.len();
+        let inner = std::mem::replace(&mut cells, vertices.len());
         let mut ring = Vec::new();
-        for &v in &vertices {
+        for &v in &vertices[inner..] {
             for &w in topology.neighbours(v as usize) {
                 if slot[w as usize] == NONE {
                     slot[w as usize] = 0;
@@ -212,4 +252,77 @@ fn number(topology: &Topology, unknowns: &[u32]) -> (Vec<u32>, Vec<u32>, usize) 
         }
     }
     (vertices, slot, cells)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use pliant_mesh::{TriMesh, shapes};
+
+    use super::*;
+    use crate::arap::{ArapEnergy, ArapOptions};
+    use crate::operators::laplacian;
+
+    fn shapes() -> Vec<TriMesh> {
+        let bar = shapes::bar(5, 2, 2, DVec3::new(3.0, 1.0, 1.0)).expect("valid size");
+        vec![shapes::icosphere(2), bar, shapes::bumpy_plane(9, 7, 1.0, 1.0, 0.2, 1).expect("valid size")]
+    }
+
+    fn laid_out(mesh: &TriMesh, energy: ArapEnergy, roi: &[u32]) -> (Shape, Cells) {
+        let shape = Shape::new(&ArapOptions { energy, ..ArapOptions::default() }, mesh).expect("finite");
+        let cells = Cells::new(&shape, roi);
+        (shape, cells)
+    }
+
+    /// Column by column the same entries as edge by edge.
+    #[test]
+    fn the_matrix_of_the_region_is_a_block_of_the_laplacian() {
+        for mesh in shapes() {
+            let n = mesh.vertex_count() as u32;
+            for roi in [(0..n).collect::<Vec<u32>>(), (0..n).filter(|v| v % 5 != 1).collect()] {
+                for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
+                    let (shape, cells) = laid_out(&mesh, energy, &roi);
+                    let diagonal: Vec<f64> = (0..roi.len()).map(|slot| cells.diagonal(slot)).collect();
+                    let mut block = BTreeMap::new();
+                    for t in laplacian(shape.topology(), &shape.edges) {
+                        let slots = [t.row, t.col].map(|v| roi.binary_search(&v).ok());
+                        if let [Some(row), Some(col)] = slots {
+                            *block.entry((row.max(col), row.min(col))).or_insert(0.0) += t.value;
+                        }
+                    }
+                    let values: Vec<f64> = cells.laplacian(&diagonal).collect();
+                    assert_eq!(values.len(), block.len());
+                    for (value, (place, expected)) in values.iter().zip(&block) {
+                        assert!((value - expected).abs() <= 1e-14 * expected.abs(), "{place:?}: {value} {expected}");
+                    }
+                    assert_eq!(cells.pattern().expect("small").unknowns(), roi.len());
+                }
+            }
+        }
+    }
+
+    /// At rest, with all rotations the identity, nothing pulls: `L p = sum c_ij / m`. And a covariance is that of the rest edges.
+    #[test]
+    fn rest_is_in_equilibrium() {
+        for mesh in shapes() {
+            let roi: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
+            for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
+                let (shape, cells) = laid_out(&mesh, energy, &roi);
+                let at = |slot: u32| shape.inner[cells.vertices[slot as usize] as usize];
+                for slot in 0..cells.roi {
+                    let (pulls, own) = cells.pulls(slot);
+                    let mut residual = DVec3::from(own);
+                    for (&other, pull) in cells.neighbours(slot).iter().zip(pulls) {
+                        residual += DVec3::from(pull.rest) - pull.weight * (at(slot as u32) - at(other));
+                    }
+                    assert!(residual.length() <= 1e-14 * cells.diagonal(slot), "{energy:?}: {residual}");
+                    // trace S = sum w |e|^2 over the edges of the cell, so it is positive.
+                    let edges = cells.neighbours(slot).iter().zip(cells.covariance(slot));
+                    let trace: f64 = edges.map(|(&j, c)| (at(j) - at(slot as u32)).dot(DVec3::from(*c))).sum();
+                    assert!(trace > 0.0);
+                }
+            }
+        }
+    }
 }

@@ -2,19 +2,20 @@
 
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
-use pliant_linalg::{Cholesky, LinalgError, Partition, SpdPattern, Triplet};
-use pliant_mesh::{MeshError, Topology, TriMesh};
+use glam::DVec3;
+use pliant_linalg::{Cholesky, LinalgError};
+use pliant_mesh::threads::among_threads;
+use pliant_mesh::{MeshError, TriMesh};
 
-use super::cells::{CellEdges, Cells};
-use super::steps::{ENERGY_CHUNK, Spring, energy, fit_rigid, fit_rotations, move_unknowns};
-use super::{ArapEnergy, ArapOptions};
+use super::ArapOptions;
+use super::cells::{Cells, Term};
+use super::roles::Roles;
+use super::shape::{Frame, Shape};
+use super::steps::{
+    Columns, ENERGY_CHUNK, Row, energy, fit_rigid, fit_rotations, move_unknowns, point, row, spring_energy,
+};
 use crate::error::HandleFault;
-use crate::operators::{FaceWeights, edge_sums, edge_weights, laplacian};
-use crate::{Constraint, DeformError, Deformer, Goals, PrepareReport, Region, Role, SolveReport};
-
-/// Soft weights beyond these act as these.
-const SOFT_RANGE: [f64; 2] = [1e-10, 1e12];
+use crate::{DeformError, Deformer, Goals, PrepareReport, Region, Role, SolveReport};
 
 /// Farthest goal, in diagonals of the rest shape: squares of it and their products must not overflow.
 const FARTHEST: f64 = 1e100;
@@ -26,72 +27,45 @@ const ROUNDING_ENERGY: f64 = 1e-29;
 ///
 /// Computes in the rest shape's frame, centred and scaled by a power of two to a diagonal between 1/2 and 1, so
 /// results follow any scale and offset of the scene. They are the same, bit for bit, for any number of threads.
+///
+/// What is prepared has three lifetimes: that of the rest shape (weights), of the region of interest (cells, order and symbolic
+/// factor) and of the roles in it (who is solved for, the numbers of the factor).
 pub struct Arap {
     options: ArapOptions,
+    shape: Shape,
+    edit: Edit,
+}
+
+/// What depends on the region.
+struct Edit {
     region: Region,
-    frame: Frame,
     cells: Cells,
-    multiplicity: f64,
-    /// Unknowns in soft handles.
-    springs: Vec<Spring>,
-    /// Vertices in hard handles.
-    led: Vec<Led>,
+    roles: Roles,
     factor: Cholesky,
-    report: PrepareReport,
-    /// Rest positions in world units of the vertices of `led`, then of `springs`.
-    world_rest: Vec<DVec3>,
+    /// Edges of the energy; only if it has been asked for.
+    terms: Option<Vec<Term>>,
     /// In the frame, by slot.
     rest: Vec<DVec3>,
     scratch: Scratch,
 }
 
-/// A vertex of a hard handle.
-struct Led {
-    vertex: u32,
-    handle: u32,
-    /// `None` if no free vertex is near.
-    slot: Option<u32>,
-}
-
 /// Arrays of one solve, kept so that the next one allocates nothing. All in the frame.
 #[derive(Default)]
 struct Scratch {
-    /// By slot.
-    pose: Vec<DVec3>,
-    /// By slot; unused for unknowns without a spring.
-    goals: Vec<DVec3>,
-    /// By cell.
-    rotations: Vec<DMat3>,
-    /// By unknown.
+    /// By slot; only of those that equations look at.
+    pose: Vec<Row>,
+    /// By cell; only of those that are fitted.
+    rotations: Vec<Columns>,
+    /// By slot of the region.
     rhs: Vec<[f64; 3]>,
+    /// Where those held are to be.
+    goals: Vec<Row>,
+    /// Goals of the springs.
+    draws: Vec<Row>,
+    /// Goals of those led, in world units.
+    landed: Vec<DVec3>,
     /// Of [`ENERGY_CHUNK`] terms each.
     energy: Vec<f64>,
-    /// Goals of `led` in world units.
-    landed: Vec<DVec3>,
-}
-
-/// A centred frame of unit size. The scale is a power of two, so going there and back rounds only once.
-#[derive(Debug, Clone, Copy)]
-struct Frame {
-    centre: DVec3,
-    scale: f64,
-}
-
-impl Frame {
-    fn of(mesh: &TriMesh) -> Self {
-        let (centre, scale) = mesh.bounds().normal_frame();
-        // Keeps the exponent and drops the digits.
-        let power = f64::from_bits(scale.clamp(f64::MIN_POSITIVE, 1e300).to_bits() & 0xFFF0_0000_0000_0000);
-        Self { centre, scale: power }
-    }
-
-    fn enter(&self, world: DVec3) -> DVec3 {
-        (world - self.centre) * self.scale
-    }
-
-    fn leave(&self, inner: DVec3) -> DVec3 {
-        inner / self.scale + self.centre
-    }
 }
 
 impl Arap {
@@ -101,48 +75,13 @@ impl Arap {
     /// As [`crate::Method::prepare`].
     pub fn prepare(options: &ArapOptions, rest: &TriMesh, region: &Region) -> Result<Self, DeformError> {
         options.check()?;
-        if region.vertex_count() != rest.vertex_count() {
-            let (expected, found) = (rest.vertex_count(), region.vertex_count());
-            return Err(DeformError::WrongCount { what: "vertices of the region", expected, found });
+        check_count("vertices of the region", rest.vertex_count(), region.vertex_count())?;
+        let shape = Shape::new(options, rest)?;
+        let mut edit = Edit::new(&shape, region)?;
+        if options.tolerance.is_some() {
+            edit.prepare_energy(&shape);
         }
-        let frame = Frame::of(rest);
-        let inner = rest.with_positions(rest.positions.iter().map(|&p| frame.enter(p)).collect())?;
-        let topology = inner.topology();
-        let (edges, matrix, clamped_weights) = weigh(options, &inner);
-        let (unknown, unconstrained) = find_unknowns(topology, region);
-        let partition = Partition::new(rest.vertex_count(), |v| unknown[v]).map_err(DeformError::TooLarge)?;
-        let mut block = partition.free_block(&laplacian(topology, &matrix)).map_err(DeformError::TooLarge)?;
-        let springs = springs(region, &partition, mean_diagonal(&block, partition.free().len()));
-        block.extend(springs.iter().map(|s| Triplet::new(s.slot, s.slot, s.stiffness)));
-        let factor = factor(&partition, &block)?;
-
-        let cells = Cells::new(topology, &inner.positions, &edges, &matrix, partition.free());
-        let led = led(region, &cells);
-        let soft = springs.iter().map(|s| cells.vertices[s.slot as usize]);
-        let world_rest = led.iter().map(|l| l.vertex).chain(soft).map(|v| rest.positions[v as usize]).collect();
-        let rest = cells.vertices.iter().map(|&v| inner.positions[v as usize]).collect();
-        let report = PrepareReport {
-            unknowns: cells.unknowns,
-            unconstrained,
-            clamped_weights,
-            factor_len: factor.pattern().factor_len(),
-        };
-        let scratch = Scratch::new(&cells, led.len());
-        let (options, region, multiplicity) = (options.clone(), region.clone(), edges.multiplicity());
-        Ok(Self {
-            options,
-            region,
-            frame,
-            cells,
-            multiplicity,
-            springs,
-            led,
-            factor,
-            report,
-            world_rest,
-            rest,
-            scratch,
-        })
+        Ok(Self { options: options.clone(), shape, edit })
     }
 
     /// The energy of a pose, with the best rotation of each cell, in world units (of weight times squared length).
@@ -155,38 +94,175 @@ impl Arap {
     /// # Errors
     /// As [`Deformer::solve`].
     pub fn energy(&mut self, goals: &Goals, positions: &[DVec3]) -> Result<f64, DeformError> {
-        self.read(goals, positions)?;
-        fit_rotations(&self.cells, &self.scratch.pose, &mut self.scratch.rotations);
-        Ok(self.current_energy() / (self.frame.scale * self.frame.scale))
+        self.edit.prepare_energy(&self.shape);
+        self.edit.read(&self.shape.frame, goals, positions)?;
+        self.edit.fit_rotations();
+        Ok(self.edit.current_energy(self.shape.multiplicity()) * self.shape.frame.energy_unit())
+    }
+
+    /// Guess and iterations. The local step of iteration `k + 1` also tells the energy after iteration `k`.
+    fn iterate(&mut self) -> Result<SolveReport, LinalgError> {
+        let Self { options, shape, edit } = self;
+        let mut report = SolveReport { unconstrained: edit.roles.unconstrained, ..SolveReport::default() };
+        edit.guess()?;
+        let rounding = ROUNDING_ENERGY * edit.terms.iter().flatten().map(|t| t.weight.abs()).sum::<f64>();
+        let unit = shape.frame.energy_unit();
+        let mut last = f64::INFINITY;
+        loop {
+            let at_end = report.iterations == options.iterations;
+            if at_end && options.tolerance.is_none() {
+                return Ok(report);
+            }
+            edit.fit_rotations();
+            if let Some(tolerance) = options.tolerance {
+                let now = edit.current_energy(shape.multiplicity());
+                report.energy_before.get_or_insert(now * unit);
+                report.energy_after = Some(now * unit);
+                report.converged = last - now <= tolerance * last && last.is_finite() || now <= rounding;
+                if report.converged || at_end {
+                    return Ok(report);
+                }
+                last = now;
+            }
+            edit.global_step()?;
+            report.iterations += 1;
+        }
+    }
+}
+
+impl Deformer for Arap {
+    fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
+        self.edit.read(&self.shape.frame, goals, positions)?;
+        let report = among_threads(self.edit.cells.roi, || self.iterate());
+        let report = report.map_err(|error| named(error, &self.edit.cells))?;
+        self.edit.write(&self.shape.frame, positions)?;
+        Ok(report)
+    }
+
+    fn set_region(&mut self, region: &Region) -> Result<PrepareReport, DeformError> {
+        check_count("vertices of the region", self.edit.region.vertex_count(), region.vertex_count())?;
+        if self.edit.has_same_roi(region) {
+            self.edit.set_roles(&self.shape, region)?;
+        } else {
+            let mut edit = Edit::new(&self.shape, region)?;
+            if self.edit.terms.is_some() {
+                edit.prepare_energy(&self.shape);
+            }
+            self.edit = edit;
+        }
+        Ok(self.prepared())
+    }
+
+    fn prepared(&self) -> PrepareReport {
+        PrepareReport {
+            unknowns: self.edit.roles.unknowns.as_slice().len(),
+            unconstrained: self.edit.roles.unconstrained,
+            clamped_weights: self.shape.clamped,
+            factor_len: self.edit.factor.solve_len(),
+        }
+    }
+}
+
+impl Edit {
+    fn new(shape: &Shape, region: &Region) -> Result<Self, DeformError> {
+        let roi: Vec<u32> = roi(region).collect();
+        let cells = Cells::new(shape, &roi);
+        let roles = Roles::new(shape, &cells, region);
+        let factor = cells
+            .pattern()
+            .and_then(|pattern| {
+                let free = |slot: usize| roles.unknowns.contains(slot);
+                Cholesky::of_block(Arc::new(pattern), cells.laplacian(&roles.diagonal), free)
+            })
+            .map_err(|error| named(error, &cells))?;
+        let rest = cells.vertices.iter().map(|&v| shape.inner[v as usize]).collect();
+        let mut scratch = Scratch {
+            pose: vec![Row::default(); cells.vertices.len()],
+            rotations: vec![Columns::default(); cells.cells],
+            rhs: vec![[0.0; 3]; cells.roi],
+            ..Scratch::default()
+        };
+        scratch.fit(&roles);
+        Ok(Self { region: region.clone(), cells, roles, factor, terms: None, rest, scratch })
+    }
+
+    fn has_same_roi(&self, region: &Region) -> bool {
+        roi(region).eq(self.cells.vertices[..self.cells.roi].iter().copied())
+    }
+
+    /// Takes over the roles of a region with the same region of interest, or changes nothing.
+    fn set_roles(&mut self, shape: &Shape, region: &Region) -> Result<(), DeformError> {
+        let Self { cells, factor, .. } = self;
+        let mut refactor = |roles: &Roles| {
+            factor.refactor_block(cells.laplacian(&roles.diagonal), |slot| roles.unknowns.contains(slot))
+        };
+        let roles = Roles::new(shape, cells, region);
+        if let Err(error) = refactor(&roles) {
+            // The old numbers once more: they made a factor before. If not, every solve will say so.
+            let _ = refactor(&self.roles);
+            return Err(named(error, &self.cells));
+        }
+        self.scratch.fit(&roles);
+        self.roles = roles;
+        self.region = region.clone();
+        Ok(())
+    }
+
+    /// Makes ready for [`Self::current_energy`].
+    fn prepare_energy(&mut self, shape: &Shape) {
+        let terms = self.terms.get_or_insert_with(|| self.cells.terms(shape));
+        self.scratch.energy.resize(terms.len().div_ceil(ENERGY_CHUNK), 0.0);
     }
 
     /// Checks the input and brings pose and goals into the frame.
-    fn read(&mut self, goals: &Goals, positions: &[DVec3]) -> Result<(), DeformError> {
+    fn read(&mut self, frame: &Frame, goals: &Goals, positions: &[DVec3]) -> Result<(), DeformError> {
         goals.check(&self.region)?;
-        let (expected, found) = (self.region.vertex_count(), positions.len());
-        if expected != found {
-            return Err(DeformError::WrongCount { what: "positions", expected, found });
-        }
+        check_count("positions", self.region.vertex_count(), positions.len())?;
         if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
             return Err(MeshError::NotFinite { vertex }.into());
         }
-        let Self { frame, cells, scratch, .. } = self;
-        for ((pose, goal), &v) in scratch.pose.iter_mut().zip(&mut scratch.goals).zip(&cells.vertices) {
-            *pose = frame.enter(positions[v as usize]);
-            *goal = *pose;
+        let Self { cells, roles, scratch, .. } = self;
+        let enter = |slot: u32| row(frame.enter(positions[cells.vertices[slot as usize] as usize]));
+        for &slot in roles.unknowns.as_slice() {
+            scratch.pose[slot as usize] = enter(slot);
         }
-        let (led_rest, soft_rest) = self.world_rest.split_at(self.led.len());
-        for ((led, &rest), landed) in self.led.iter().zip(led_rest).zip(&mut scratch.landed) {
-            *landed = goals.apply(led.handle, rest);
+        for (&slot, goal) in roles.held.iter().zip(&mut scratch.goals) {
+            *goal = enter(slot);
+            scratch.pose[slot as usize] = *goal;
+        }
+        for (led, landed) in roles.led.iter().zip(&mut scratch.landed) {
+            *landed = goals.apply(led.handle, led.rest);
             let inner = within_reach(frame, *landed, led.handle, led.vertex)?;
-            if let Some(slot) = led.slot {
-                scratch.goals[slot as usize] = inner;
+            if let Some(goal) = scratch.goals.get_mut(led.held as usize) {
+                *goal = row(inner);
             }
         }
-        for (spring, &rest) in self.springs.iter().zip(soft_rest) {
+        for (spring, draw) in roles.springs.iter().zip(&mut scratch.draws) {
             let vertex = cells.vertices[spring.slot as usize];
-            scratch.goals[spring.slot as usize] =
-                within_reach(frame, goals.apply(spring.handle, rest), spring.handle, vertex)?;
+            let goal = goals.apply(spring.handle, spring.rest);
+            *draw = row(within_reach(frame, goal, spring.handle, vertex)?);
+        }
+        Ok(())
+    }
+
+    /// Writes the solution, or nothing if it cannot be written in world units.
+    fn write(&self, frame: &Frame, positions: &mut [DVec3]) -> Result<(), DeformError> {
+        let Self { cells, roles, scratch, .. } = self;
+        let solved = roles
+            .unknowns
+            .as_slice()
+            .iter()
+            .map(|&slot| (cells.vertices[slot as usize], frame.leave(point(scratch.pose[slot as usize]))));
+        for (vertex, position) in solved.clone() {
+            if !position.is_finite() {
+                return Err(DeformError::ResultNotFinite { vertex });
+            }
+        }
+        for (vertex, position) in solved {
+            positions[vertex as usize] = position;
+        }
+        for (led, &landed) in roles.led.iter().zip(&scratch.landed) {
+            positions[led.vertex as usize] = landed;
         }
         Ok(())
     }
@@ -198,9 +274,11 @@ impl Arap {
     /// Alexa's guess) unless the constraints turn as a whole.
     fn guess(&mut self) -> Result<(), LinalgError> {
         self.follow_constraints();
-        let Self { cells, scratch, .. } = self;
-        fit_rotations(cells, &scratch.pose, &mut scratch.rotations);
-        scratch.pose[cells.unknowns..].copy_from_slice(&scratch.goals[cells.unknowns..]);
+        self.fit_rotations();
+        let Scratch { pose, goals, .. } = &mut self.scratch;
+        for (&slot, goal) in self.roles.held.iter().zip(goals) {
+            pose[slot as usize] = *goal;
+        }
         self.global_step()
     }
 
@@ -212,195 +290,67 @@ impl Arap {
     /// is always done. The fit is over the constrained vertices next to an unknown and those of soft handles, as far
     /// as these count: no others enter the equations.
     fn follow_constraints(&mut self) {
-        let Self { cells, scratch, springs, .. } = self;
-        let Scratch { pose, goals, .. } = scratch;
-        let hard = (cells.unknowns..cells.cells).map(|slot| (slot, 1.0));
-        let held = hard.chain(springs.iter().map(|s| (s.slot as usize, s.grip)));
-        if held.clone().all(|(slot, _)| pose[slot] == goals[slot]) {
+        let Self { roles, scratch, .. } = self;
+        let Scratch { pose, goals, draws, .. } = scratch;
+        let hard = roles.held[..roles.rim].iter().zip(&*goals).map(|(&slot, goal)| (slot, goal, 1.0));
+        let soft = roles.springs.iter().zip(&*draws).map(|(spring, goal)| (spring.slot, goal, spring.grip));
+        let held = hard.chain(soft).map(|(slot, goal, grip)| (pose[slot as usize], *goal, grip));
+        if held.clone().all(|(at, goal, _)| at == goal) {
             return;
         }
-        let (rotation, translation) = fit_rigid(held.map(|(slot, grip)| (pose[slot], goals[slot], grip)));
-        for position in pose {
-            *position = rotation * *position + translation;
+        let (rotation, translation) = fit_rigid(held.map(|(at, goal, grip)| (point(at), point(goal), grip)));
+        for &slot in roles.unknowns.as_slice().iter().chain(&roles.held) {
+            let position = &mut pose[slot as usize];
+            *position = row(rotation * point(*position) + translation);
         }
+    }
+
+    fn fit_rotations(&mut self) {
+        let Self { cells, roles, scratch, .. } = self;
+        fit_rotations(cells, roles, &scratch.pose, &mut scratch.rotations);
     }
 
     fn global_step(&mut self) -> Result<(), LinalgError> {
-        let Self { cells, factor, springs, scratch, .. } = self;
-        let Scratch { pose, goals, rotations, rhs, .. } = scratch;
-        move_unknowns(cells, factor, rotations, springs, goals, pose, rhs)
+        let Self { cells, roles, factor, scratch, .. } = self;
+        let Scratch { pose, draws, rotations, rhs, .. } = scratch;
+        move_unknowns(cells, roles, factor, rotations, draws, pose, rhs)
     }
 
     /// The energy of the current pose and rotations, in the frame.
-    fn current_energy(&mut self) -> f64 {
-        let Self { cells, rest, springs, scratch, multiplicity, .. } = self;
-        let Scratch { pose, goals, rotations, energy: partial, .. } = scratch;
-        let stretched = |s: &Spring| s.stiffness * (pose[s.slot as usize] - goals[s.slot as usize]).length_squared();
-        energy(cells, rest, pose, rotations, partial) + *multiplicity * springs.iter().map(stretched).sum::<f64>()
-    }
-
-    /// Guess and iterations. The local step of iteration `k + 1` also tells the energy after iteration `k`.
-    fn iterate(&mut self) -> Result<SolveReport, LinalgError> {
-        let mut report = SolveReport { unconstrained: self.report.unconstrained, ..SolveReport::default() };
-        self.guess()?;
-        let rounding = ROUNDING_ENERGY * self.cells.terms.iter().map(|t| t.weight.abs()).sum::<f64>();
-        let unit = 1.0 / (self.frame.scale * self.frame.scale);
-        let mut last = f64::INFINITY;
-        loop {
-            let at_end = report.iterations == self.options.iterations;
-            if at_end && self.options.tolerance.is_none() {
-                return Ok(report);
-            }
-            fit_rotations(&self.cells, &self.scratch.pose, &mut self.scratch.rotations);
-            if let Some(tolerance) = self.options.tolerance {
-                let now = self.current_energy();
-                report.energy_before.get_or_insert(now * unit);
-                report.energy_after = Some(now * unit);
-                report.converged = last - now <= tolerance * last && last.is_finite() || now <= rounding;
-                if report.converged || at_end {
-                    return Ok(report);
-                }
-                last = now;
-            }
-            self.global_step()?;
-            report.iterations += 1;
-        }
-    }
-
-    /// Names the vertex behind an unknown.
-    fn vertex(&self, unknown: usize) -> u32 {
-        self.cells.vertices.get(unknown).copied().unwrap_or(u32::MAX)
-    }
-}
-
-impl Deformer for Arap {
-    fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
-        self.read(goals, positions)?;
-        let report = self.iterate().map_err(|error| match error {
-            LinalgError::SolutionNotFinite { unknown } => DeformError::ResultNotFinite { vertex: self.vertex(unknown) },
-            LinalgError::NotPositiveDefinite { unknown } => DeformError::Singular { vertex: self.vertex(unknown) },
-            other => DeformError::TooLarge(other),
-        })?;
-        let solved = self.cells.vertices[..self.cells.unknowns].iter().zip(&self.scratch.pose);
-        for (&vertex, &p) in solved.clone() {
-            if !self.frame.leave(p).is_finite() {
-                return Err(DeformError::ResultNotFinite { vertex });
-            }
-        }
-        for (&vertex, &p) in solved {
-            positions[vertex as usize] = self.frame.leave(p);
-        }
-        for (led, &landed) in self.led.iter().zip(&self.scratch.landed) {
-            positions[led.vertex as usize] = landed;
-        }
-        Ok(report)
-    }
-
-    fn prepared(&self) -> PrepareReport {
-        self.report
+    fn current_energy(&mut self, multiplicity: f64) -> f64 {
+        let Self { roles, terms, rest, scratch, .. } = self;
+        let Scratch { pose, draws, rotations, energy: partial, .. } = scratch;
+        energy(terms.as_deref().unwrap_or_default(), roles, rest, pose, rotations, partial)
+            + multiplicity * spring_energy(&roles.springs, draws, pose)
     }
 }
 
 impl Scratch {
-    fn new(cells: &Cells, led: usize) -> Self {
-        Self {
-            pose: vec![DVec3::ZERO; cells.vertices.len()],
-            goals: vec![DVec3::ZERO; cells.vertices.len()],
-            rotations: vec![DMat3::IDENTITY; cells.cells],
-            rhs: vec![[0.0; 3]; cells.unknowns],
-            energy: vec![0.0; cells.terms.len().div_ceil(ENERGY_CHUNK)],
-            landed: vec![DVec3::ZERO; led],
-        }
+    /// As many places as there are held, drawn and led.
+    fn fit(&mut self, roles: &Roles) {
+        self.goals.resize(roles.held.len(), Row::default());
+        self.draws.resize(roles.springs.len(), Row::default());
+        self.landed.resize(roles.led.len(), DVec3::ZERO);
     }
 }
 
-/// Weights of the energy, weights of the matrix per edge, and how many were clamped.
-fn weigh(options: &ArapOptions, mesh: &TriMesh) -> (CellEdges, Vec<f64>, usize) {
-    match options.energy {
-        ArapEnergy::Spokes => {
-            let weights = edge_weights(mesh, options.weights);
-            (CellEdges::Spokes(weights.values.clone()), weights.values, weights.clamped)
-        }
-        ArapEnergy::SpokesAndRims => {
-            let weights = FaceWeights::new(mesh, options.weights);
-            let (matrix, clamped) = (edge_sums(mesh.topology(), &weights.values), weights.clamped);
-            (CellEdges::SpokesAndRims(weights), matrix, clamped)
-        }
+/// The region of interest, increasing.
+fn roi(region: &Region) -> impl Iterator<Item = u32> + '_ {
+    (0..).zip(region.roles()).filter(|(_, role)| **role != Role::Fixed).map(|(vertex, _)| vertex)
+}
+
+fn check_count(what: &'static str, expected: usize, found: usize) -> Result<(), DeformError> {
+    if expected == found { Ok(()) } else { Err(DeformError::WrongCount { what, expected, found }) }
+}
+
+/// Names the vertex behind the unknown of an error.
+fn named(error: LinalgError, cells: &Cells) -> DeformError {
+    let vertex = |unknown: usize| cells.vertices.get(unknown).copied().unwrap_or(u32::MAX);
+    match error {
+        LinalgError::SolutionNotFinite { unknown } => DeformError::ResultNotFinite { vertex: vertex(unknown) },
+        LinalgError::NotPositiveDefinite { unknown } => DeformError::Singular { vertex: vertex(unknown) },
+        other => DeformError::TooLarge(other),
     }
-}
-
-/// Whether each vertex is to be solved for, and how many that should be are connected to nothing that holds them.
-///
-/// Every weight is positive, so a vertex is held if and only if edges between unknowns lead from it to a soft handle
-/// or to a neighbour that is not solved for. What is held by nothing would make the matrix singular, and stays where
-/// it is.
-fn find_unknowns(topology: &Topology, region: &Region) -> (Vec<bool>, usize) {
-    let count = region.vertex_count();
-    let soft = |v: usize| matches!(region.constraint(v), Some(Constraint::Soft(_)));
-    let candidate = |v: usize| region.roles()[v] == Role::Free || soft(v);
-    let mut reached = vec![false; count];
-    let mut stack: Vec<u32> = Vec::new();
-    for v in (0..count).filter(|&v| candidate(v)) {
-        if soft(v) || topology.neighbours(v).iter().any(|&w| !candidate(w as usize)) {
-            reached[v] = true;
-            stack.push(v as u32);
-        }
-    }
-    while let Some(v) = stack.pop() {
-        for &w in topology.neighbours(v as usize) {
-            if candidate(w as usize) && !reached[w as usize] {
-                reached[w as usize] = true;
-                stack.push(w);
-            }
-        }
-    }
-    let unconstrained = (0..count).filter(|&v| candidate(v) && !reached[v]).count();
-    (reached, unconstrained)
-}
-
-fn mean_diagonal(block: &[Triplet], unknowns: usize) -> f64 {
-    let sum: f64 = block.iter().filter(|t| t.row == t.col).map(|t| t.value).sum();
-    // A matrix of lone vertices is zero; any scale will do.
-    if sum > 0.0 { sum / unknowns as f64 } else { 1.0 }
-}
-
-fn springs(region: &Region, partition: &Partition, mean_diagonal: f64) -> Vec<Spring> {
-    let of_unknown = |(slot, &v): (usize, &u32)| match (region.roles()[v as usize], region.constraint(v as usize)) {
-        (Role::Handle(handle), Some(Constraint::Soft(weight))) => {
-            let weight = weight.clamp(SOFT_RANGE[0], SOFT_RANGE[1]);
-            // In series with a surface of stiffness 1.
-            let grip = weight / (1.0 + weight);
-            Some(Spring { slot: slot as u32, handle, stiffness: weight * mean_diagonal, grip })
-        }
-        _ => None,
-    };
-    partition.free().iter().enumerate().filter_map(of_unknown).collect()
-}
-
-fn factor(partition: &Partition, block: &[Triplet]) -> Result<Cholesky, DeformError> {
-    let vertex = |unknown: usize| partition.free().get(unknown).copied().unwrap_or(u32::MAX);
-    SpdPattern::new(partition.free().len(), block)
-        .and_then(|pattern| Cholesky::new(Arc::new(pattern), block.iter().map(|t| t.value)))
-        .map_err(|error| match error {
-            LinalgError::NotPositiveDefinite { unknown } => DeformError::Singular { vertex: vertex(unknown) },
-            other => DeformError::TooLarge(other),
-        })
-}
-
-fn led(region: &Region, cells: &Cells) -> Vec<Led> {
-    let mut slots: Vec<(u32, u32)> = (0..).zip(&cells.vertices).map(|(slot, &v)| (v, slot)).collect();
-    slots.sort_unstable();
-    let slot = |vertex: u32| slots.binary_search_by_key(&vertex, |&(v, _)| v).ok().map(|at| slots[at].1);
-    let hard =
-        |(handle, h): (u32, &crate::Handle)| (h.constraint == Constraint::Hard).then_some((handle, h.vertices.clone()));
-    (0..)
-        .zip(region.handles())
-        .filter_map(hard)
-        .flat_map(|(handle, vertices)| {
-            let led = |&vertex: &u32| Led { vertex, handle, slot: slot(vertex) };
-            vertices.as_slice().iter().map(led).collect::<Vec<_>>()
-        })
-        .collect()
 }
 
 /// A handle vertex's goal in the frame, if it can be computed with.

@@ -13,6 +13,8 @@
 
 mod cells;
 mod deformer;
+mod roles;
+mod shape;
 mod steps;
 
 use serde::{Deserialize, Serialize};

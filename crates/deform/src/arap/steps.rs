@@ -2,38 +2,87 @@
 
 use glam::{DMat3, DVec3};
 use pliant_linalg::{Cholesky, LinalgError};
-use pliant_mesh::{best_rotation, outer};
+use pliant_mesh::threads::{CHUNK, for_each_chunk};
+use pliant_mesh::{LANES, RotationBatch, best_rotation, outer};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::cells::{Cells, NONE};
-
-/// Cells or rows below which a thread is not worth its start.
-const GRAIN: usize = 256;
+use super::cells::{Cells, NONE, Term};
+use super::roles::{Roles, Spring};
 
 /// Terms whose energy is summed in one go; fixed, so that the sum does not depend on the number of threads.
 pub(super) const ENERGY_CHUNK: usize = 2048;
 
-/// An unknown drawn to a goal.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Spring {
-    pub(super) slot: u32,
-    pub(super) handle: u32,
-    /// What it adds to the matrix's diagonal.
-    pub(super) stiffness: f64,
-    /// How much its goal counts where a hard one counts 1.
-    pub(super) grip: f64,
+/// A point, padded to the width of a register by a 0.
+pub(super) type Row = [f64; 4];
+
+/// A matrix by columns.
+pub(super) type Columns = [Row; 3];
+
+pub(super) fn row(p: DVec3) -> Row {
+    [p.x, p.y, p.z, 0.0]
+}
+
+pub(super) fn point([x, y, z, _]: Row) -> DVec3 {
+    DVec3::new(x, y, z)
 }
 
 /// The local step: for each cell the rotation that best takes its rest edges to those of `pose`.
-pub(super) fn fit_rotations(cells: &Cells, pose: &[DVec3], rotations: &mut [DMat3]) {
-    rotations.par_iter_mut().enumerate().with_min_len(GRAIN).for_each(|(i, rotation)| {
-        let row = cells.row(i);
-        let mut s = DMat3::ZERO;
-        for (&j, &c) in cells.neighbours[row.clone()].iter().zip(&cells.covariance[row]) {
-            s += outer(pose[j as usize] - pose[i], c);
-        }
-        *rotation = best_rotation(s);
+pub(super) fn fit_rotations(cells: &Cells, roles: &Roles, pose: &[Row], rotations: &mut [Columns]) {
+    for_each_chunk(rotations, |chunk, rotations| {
+        let slots = roles.fitted.in_chunk(chunk);
+        Arch::new().dispatch(FitCells { cells, slots, first: chunk * CHUNK, pose, rotations });
     });
+}
+
+/// Fits the cells of `slots`; `rotations` begins with that of slot `first`.
+struct FitCells<'a> {
+    cells: &'a Cells,
+    slots: &'a [u32],
+    first: usize,
+    pose: &'a [Row],
+    rotations: &'a mut [Columns],
+}
+
+impl WithSimd for FitCells<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { cells, slots, first, pose, rotations } = self;
+        let mut batch = RotationBatch::default();
+        for slots in slots.chunks(LANES) {
+            for (lane, &slot) in slots.iter().enumerate() {
+                let i = slot as usize;
+                let centre = pose[i];
+                let mut s = [[0.0; 4]; 3];
+                for (&j, c) in cells.neighbours(i).iter().zip(cells.covariance(i)) {
+                    let edge = subtract(pose[j as usize], centre);
+                    for (column, &c) in s.iter_mut().zip(c) {
+                        add(column, edge, c);
+                    }
+                }
+                batch.set(lane, &s.map(|[x, y, z, _]| [x, y, z]));
+            }
+            batch.fit(slots.len());
+            for (lane, &slot) in slots.iter().enumerate() {
+                rotations[slot as usize - first] = batch.get(lane).map(|[x, y, z]| [x, y, z, 0.0]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn subtract(a: Row, b: Row) -> Row {
+    std::array::from_fn(|l| a[l] - b[l])
+}
+
+/// `sum += factor * x`.
+#[inline(always)]
+fn add(sum: &mut Row, x: Row, factor: f64) {
+    for (sum, x) in sum.iter_mut().zip(x) {
+        *sum += factor * x;
+    }
 }
 
 /// The rigid motion `(Q, t)`, `x -> Q x + t`, that best takes points to their goals in the weighted least-squares
@@ -57,50 +106,104 @@ pub(super) fn fit_rigid(points: impl Iterator<Item = (DVec3, DVec3, f64)> + Clon
 ///
 /// Solves for the change, `A dx = b - A x`: the residual is formed edge by edge from differences of positions, so a
 /// pose that already is the solution stays, to rounding, wherever it lies and however ill-conditioned `A` is.
+/// `draws` has the goals of the springs, `rhs` a place for each slot of the region.
 pub(super) fn move_unknowns(
     cells: &Cells,
+    roles: &Roles,
     factor: &mut Cholesky,
-    rotations: &[DMat3],
-    springs: &[Spring],
-    goals: &[DVec3],
-    pose: &mut [DVec3],
+    rotations: &[Columns],
+    draws: &[Row],
+    pose: &mut [Row],
     rhs: &mut [[f64; 3]],
 ) -> Result<(), LinalgError> {
     let at = &*pose;
-    rhs.par_iter_mut().enumerate().with_min_len(GRAIN).for_each(|(j, rhs)| {
-        let mut residual = rotations[j] * cells.own_pull[j];
-        let row = cells.row(j);
-        for (&i, pull) in cells.neighbours[row.clone()].iter().zip(&cells.pulls[row]) {
-            residual += rotations[i as usize] * pull.rest - pull.weight * (at[j] - at[i as usize]);
-        }
-        *rhs = residual.to_array();
+    for_each_chunk(rhs, |chunk, rhs| {
+        let slots = roles.unknowns.in_chunk(chunk);
+        Arch::new().dispatch(Residuals { cells, slots, first: chunk * CHUNK, rotations, pose: at, rhs });
     });
-    for spring in springs {
+    for (spring, goal) in roles.springs.iter().zip(draws) {
         let slot = spring.slot as usize;
-        let pull = DVec3::from_array(rhs[slot]) + spring.stiffness * (goals[slot] - pose[slot]);
-        rhs[slot] = pull.to_array();
+        for ((rhs, goal), at) in rhs[slot].iter_mut().zip(goal).zip(at[slot]) {
+            *rhs += spring.stiffness * (goal - at);
+        }
     }
     factor.solve_in_place(rhs)?;
-    for (position, &change) in pose.iter_mut().zip(rhs.iter()) {
-        *position += DVec3::from_array(change);
+    for &slot in roles.unknowns.as_slice() {
+        let [x, y, z] = rhs[slot as usize];
+        add(&mut pose[slot as usize], [x, y, z, 0.0], 1.0);
     }
     Ok(())
+}
+
+/// Right-hand sides of the unknowns `slots` without springs; `rhs` begins with that of slot `first`.
+struct Residuals<'a> {
+    cells: &'a Cells,
+    slots: &'a [u32],
+    first: usize,
+    rotations: &'a [Columns],
+    pose: &'a [Row],
+    rhs: &'a mut [[f64; 3]],
+}
+
+impl WithSimd for Residuals<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { cells, slots, first, rotations, pose, rhs } = self;
+        for &slot in slots {
+            let j = slot as usize;
+            let (pulls, own) = cells.pulls(j);
+            let centre = pose[j];
+            let mut residual = [0.0; 4];
+            for (&column, c) in rotations[j].iter().zip(own) {
+                add(&mut residual, column, c);
+            }
+            for (&i, pull) in cells.neighbours(j).iter().zip(pulls) {
+                let i = i as usize;
+                for (&column, c) in rotations[i].iter().zip(pull.rest) {
+                    add(&mut residual, column, c);
+                }
+                add(&mut residual, subtract(pose[i], centre), pull.weight);
+            }
+            let [x, y, z, _] = residual;
+            rhs[j - first] = [x, y, z];
+        }
+    }
 }
 
 /// The energy of `pose` with the given rotations, without the springs.
 ///
 /// `partial` has one place per [`ENERGY_CHUNK`] terms.
-pub(super) fn energy(cells: &Cells, rest: &[DVec3], pose: &[DVec3], rotations: &[DMat3], partial: &mut [f64]) -> f64 {
-    let chunks = cells.terms.par_chunks(ENERGY_CHUNK);
-    partial.par_iter_mut().zip(chunks).for_each(|(sum, terms)| {
+pub(super) fn energy(
+    terms: &[Term],
+    roles: &Roles,
+    rest: &[DVec3],
+    pose: &[Row],
+    rotations: &[Columns],
+    partial: &mut [f64],
+) -> f64 {
+    partial.par_iter_mut().zip(terms.par_chunks(ENERGY_CHUNK)).for_each(|(sum, terms)| {
         *sum = 0.0;
         for term in terms {
             let [p, q] = term.ends.map(|end| end as usize);
-            let (from, to) = (rest[p] - rest[q], pose[p] - pose[q]);
-            for &cell in term.cells.iter().filter(|&&cell| cell != NONE) {
-                *sum += term.weight * (to - rotations[cell as usize] * from).length_squared();
+            for &cell in term.cells.iter().filter(|&&cell| cell != NONE && roles.fitted.contains(cell as usize)) {
+                let from = rest[p] - rest[q];
+                let mut off = subtract(pose[p], pose[q]);
+                for (&column, c) in rotations[cell as usize].iter().zip(from.to_array()) {
+                    add(&mut off, column, -c);
+                }
+                *sum += term.weight * point(off).length_squared();
             }
         }
     });
     partial.iter().sum()
+}
+
+/// What springs add to the energy, per unit of multiplicity.
+pub(super) fn spring_energy(springs: &[Spring], draws: &[Row], pose: &[Row]) -> f64 {
+    let stretched = |(spring, &goal): (&Spring, &Row)| {
+        spring.stiffness * point(subtract(pose[spring.slot as usize], goal)).length_squared()
+    };
+    springs.iter().zip(draws).map(stretched).sum()
 }

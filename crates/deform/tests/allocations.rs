@@ -1,0 +1,75 @@
+//! A drag allocates nothing.
+
+mod common;
+
+use allocation_counter::measure;
+use common::{along_x, sheet, torus};
+use glam::DVec3;
+use pliant_deform::arap::{Arap, ArapEnergy, ArapOptions};
+use pliant_deform::{Deformer, Goals, Handle, Region};
+use pliant_mesh::{FrameFit, Frames, Similarity, TriMesh, VertexSet};
+
+fn region(mesh: &TriMesh, soft: bool) -> Region {
+    let tip = along_x(mesh, 0.9..=1.0);
+    let tip = if soft { Handle::soft(tip, 1.0) } else { Handle::hard(tip) };
+    let n = mesh.vertex_count();
+    Region::new(n, &VertexSet::all(n), &[Handle::hard(along_x(mesh, 0.0..=0.1)), tip]).expect("valid")
+}
+
+fn goals(step: u32) -> Goals {
+    let lift = Similarity::translation(DVec3::new(0.0, 0.01 * f64::from(step), 0.02 * f64::from(step)));
+    Goals::new(vec![Similarity::IDENTITY, lift])
+}
+
+/// Small and large, each way of counting cells, with and without a stop rule, and after a change of handles.
+#[test]
+fn solving_allocates_nothing_from_the_second_time_on() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
+    for mesh in [sheet(16, 8), torus(90, 40)] {
+        for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
+            for tolerance in [None, Some(1e-6)] {
+                let options = ArapOptions { energy, tolerance, ..ArapOptions::default() };
+                let mut arap = Arap::prepare(&options, &mesh, &region(&mesh, false)).expect("valid");
+                let mut pose = mesh.positions.clone();
+                for soft in [false, true] {
+                    arap.set_region(&region(&mesh, soft)).expect("valid");
+                    let all: Vec<Goals> = (0..6).map(goals).collect();
+                    arap.solve(&all[0], &mut pose).expect("solvable");
+                    let info = pool.install(|| {
+                        measure(|| {
+                            for goals in &all {
+                                arap.solve(goals, &mut pose).expect("solvable");
+                            }
+                        })
+                    });
+                    assert_eq!(info.count_total, 0, "{options:?}, soft {soft}");
+                }
+            }
+        }
+        let mut frames = Frames::default();
+        frames.fit(mesh.topology(), &mesh.positions, &mesh.positions, FrameFit::Similarity);
+        let pose: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(p.y, p.z, p.x) * 1.1 + *p).collect();
+        let fit = || measure(|| frames.fit(mesh.topology(), &mesh.positions, &pose, FrameFit::Similarity));
+        assert_eq!(pool.install(fit).count_total, 0);
+    }
+}
+
+/// With several threads the calling one enters the pool once a solve. The queue it enters by is a chain of blocks of a few dozen places
+/// each, and a new block is allocated now and then.
+#[test]
+fn entering_the_pool_of_threads_allocates_rarely() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build_global();
+    // Another test may have made it already.
+    drop(pool);
+    let mesh = torus(90, 40);
+    let mut arap = Arap::prepare(&ArapOptions::default(), &mesh, &region(&mesh, false)).expect("valid");
+    let mut pose = mesh.positions.clone();
+    let all: Vec<Goals> = (0..100).map(|step| goals(step % 7)).collect();
+    arap.solve(&all[0], &mut pose).expect("solvable");
+    let info = measure(|| {
+        for goals in &all {
+            arap.solve(goals, &mut pose).expect("solvable");
+        }
+    });
+    assert!(info.count_total <= 10, "{info:?}");
+}
