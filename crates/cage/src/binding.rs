@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::packed::Packed;
 use crate::prune::Prune;
-use crate::rows::{RowFacts, RowMaker};
+use crate::rows::{RowFacts, RowMaker, Scratch};
 use crate::sparse::{Chunk, Rows, check_entries};
 use crate::support::Support;
 use crate::{BindReport, CageError, Simplified};
@@ -141,16 +141,17 @@ impl Binding {
         if options.prune == Prune::None {
             check_entries(shape.vertex_count().saturating_mul(cage.vertex_count()))?;
         }
-        let maker = RowMaker::new(&shape.positions, owners, cage, options.prune, options.support);
-        let (rows, facts) = make_rows(&maker, progress)?;
-        let smoothing = match options.smoothing {
+        let BindOptions { prune, support, smoothing } = *options;
+        let maker = RowMaker::new(&shape.positions, owners, cage, prune, support, smoothing);
+        let (rows, facts) = make_rows(&maker, &maker.order(), |i, scratch| maker.make(i, scratch), progress)?;
+        let average = |j, scratch: &mut Scratch| {
+            maker.smooth_cage(j, smoothing, scratch);
+            RowFacts::default()
+        };
+        let all: Vec<u32> = (0..cage.vertex_count() as u32).collect();
+        let smoothing = match smoothing {
             0 => None,
-            neighbours => {
-                let own: Vec<u32> = (0..cage.vertex_count() as u32).collect();
-                let rule = Prune::Smooth { neighbours };
-                let maker = RowMaker::new(&cage.positions, Some(&own), cage, rule, options.support);
-                Some(make_rows(&maker, &Quiet(progress))?.0)
-            }
+            _ => Some(make_rows(&maker, &all, average, &Quiet(progress))?.0),
         };
         Ok(Self::assemble(shape, cage, rows, smoothing, facts))
     }
@@ -247,8 +248,13 @@ impl Progress for Quiet<'_> {
     }
 }
 
-fn make_rows(maker: &RowMaker<'_>, progress: &dyn Progress) -> Result<(Rows, RowFacts), CageError> {
-    let order = maker.order();
+/// Makes a row for each point of `order`, in parallel, and returns them in the order of the points.
+fn make_rows(
+    maker: &RowMaker<'_>,
+    order: &[u32],
+    make: impl Fn(u32, &mut Scratch) -> RowFacts + Sync,
+    progress: &dyn Progress,
+) -> Result<(Rows, RowFacts), CageError> {
     let done = AtomicUsize::new(0);
     let total = order.len();
     let chunks: Vec<Chunk> = order
@@ -259,7 +265,7 @@ fn make_rows(maker: &RowMaker<'_>, progress: &dyn Progress) -> Result<(Rows, Row
                 if progress.is_cancelled() {
                     return Err(CageError::Cancelled { what: "binding" });
                 }
-                let chunk = Chunk::make(maker, points, scratch);
+                let chunk = Chunk::of(points, scratch, &make);
                 let before = done.fetch_add(points.len(), Ordering::Relaxed);
                 // About a hundred reports in all.
                 let hundredth = (total / 100).max(1);
@@ -271,5 +277,5 @@ fn make_rows(maker: &RowMaker<'_>, progress: &dyn Progress) -> Result<(Rows, Row
         )
         .collect::<Result<_, _>>()?;
     let facts = chunks.iter().fold(RowFacts::default(), |facts, chunk| facts.and(chunk.facts));
-    Ok((Rows::gather(&order, CHUNK, &chunks)?, facts))
+    Ok((Rows::gather(order, CHUNK, &chunks)?, facts))
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::mean_value::{Corners, FaceWeights, MeanValue};
 use crate::prune::{Prune, drop_smallest};
-use crate::support::{Group, Near, Neighbourhoods, Support};
+use crate::support::{Group, Near, Neighbourhoods, Support, Whose};
 
 /// Makes rows for points, one cage and prune rule; shared by the threads.
 pub(crate) struct RowMaker<'a> {
@@ -74,18 +74,20 @@ impl<'a> RowMaker<'a> {
         cage: &'a TriMesh,
         prune: Prune,
         support: Support,
+        smoothing: usize,
     ) -> Self {
         let coordinates = MeanValue::new(cage);
         let points: Vec<DVec3> = points.par_iter().map(|p| coordinates.to_frame(*p)).collect();
         let (neighbours, owned) = match prune {
             Prune::Local { neighbours } | Prune::Smooth { neighbours } => (neighbours, &points[..]),
-            // Nearest vertices are needed only for rows that cancel.
-            Prune::None | Prune::Magnitude(_) => (REPLACEMENT_NEIGHBOURS, &[][..]),
+            Prune::None | Prune::Magnitude(_) => (0, &[][..]),
         };
-        let support = if owned.is_empty() { Support::Space } else { support };
+        // With nobody to be listed, the tree is all that is needed, for rows that cancel.
+        let most = neighbours.max(smoothing);
+        let support = if most == 0 { Support::Space } else { support };
         let positions = coordinates.positions();
         Self {
-            neighbourhoods: Neighbourhoods::new(cage.topology(), positions, owned, owners, neighbours, support),
+            neighbourhoods: Neighbourhoods::new(cage.topology(), positions, owned, owners, most, support),
             faces: matches!(prune, Prune::Local { .. }).then(|| FaceTree::new(positions, cage.triangles())),
             coordinates,
             points,
@@ -126,9 +128,10 @@ impl<'a> RowMaker<'a> {
         let made = match self.prune {
             Prune::None => self.mean_value(self.points[i], 0.0, scratch, &mut facts),
             Prune::Magnitude(share) => self.mean_value(self.points[i], share, scratch, &mut facts),
-            Prune::Local { .. } => self.local(i, scratch),
-            Prune::Smooth { .. } => {
-                let beyond = self.neighbourhoods.find(i, self.points[i], &mut scratch.group, &mut scratch.near);
+            Prune::Local { neighbours } => self.local(i, neighbours, scratch),
+            Prune::Smooth { neighbours } => {
+                let whose = Whose::Point(i, self.points[i]);
+                let beyond = self.neighbourhoods.find(whose, neighbours, &mut scratch.group, &mut scratch.near);
                 smooth(&scratch.near, beyond, &mut scratch.row) && drop_tiny(&mut scratch.row)
             }
         };
@@ -138,6 +141,17 @@ impl<'a> RowMaker<'a> {
         }
         scratch.row.sort_unstable_by_key(|e| e.0);
         facts
+    }
+
+    /// Makes the row by which the motion of cage vertex `j` is averaged, in `scratch.row`.
+    pub(crate) fn smooth_cage(&self, j: u32, neighbours: usize, scratch: &mut Scratch) {
+        let whose = Whose::CageVertex(j);
+        let beyond = self.neighbourhoods.find(whose, neighbours, &mut scratch.group, &mut scratch.near);
+        if !(smooth(&scratch.near, beyond, &mut scratch.row) && drop_tiny(&mut scratch.row)) {
+            scratch.row.clear();
+            scratch.row.push((j, 1.0));
+        }
+        scratch.row.sort_unstable_by_key(|e| e.0);
     }
 
     /// All mean value coordinates less the smallest.
@@ -172,9 +186,9 @@ impl<'a> RowMaker<'a> {
     /// Only weights of nearest vertices are needed, so just the faces round them are looked at, and the nearest face:
     /// in the middle of a large one, none of its corners may be among the nearest vertices. Of the normaliser, these faces give
     /// the sign, and an estimate good enough to tell how much of the coordinates the nearest vertices have.
-    fn local(&self, i: usize, scratch: &mut Scratch) -> bool {
+    fn local(&self, i: usize, neighbours: usize, scratch: &mut Scratch) -> bool {
         let x = self.points[i];
-        let beyond = self.neighbourhoods.find(i, x, &mut scratch.group, &mut scratch.near);
+        let beyond = self.neighbourhoods.find(Whose::Point(i, x), neighbours, &mut scratch.group, &mut scratch.near);
         if !smooth(&scratch.near, beyond, &mut scratch.row) {
             return false;
         }

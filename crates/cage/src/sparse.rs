@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::CageError;
-use crate::rows::{RowFacts, RowMaker, Scratch};
+use crate::rows::{RowFacts, Scratch};
 
 /// One row of weights per point, stored end to end.
 #[derive(Debug, Clone)]
@@ -107,11 +107,12 @@ pub(crate) fn check_entries(entries: usize) -> Result<(), CageError> {
 }
 
 impl Chunk {
-    pub(crate) fn make(maker: &RowMaker<'_>, points: &[u32], scratch: &mut Scratch) -> Self {
+    /// Collects the rows that `make` leaves in the scratch memory, one for each of `points`.
+    pub(crate) fn of(points: &[u32], scratch: &mut Scratch, make: impl Fn(u32, &mut Scratch) -> RowFacts) -> Self {
         let (ends, facts) = (Vec::with_capacity(points.len()), RowFacts::default());
         let mut chunk = Self { ends, indices: Vec::new(), weights: Vec::new(), facts };
         for &point in points {
-            chunk.facts = chunk.facts.and(maker.make(point, scratch));
+            chunk.facts = chunk.facts.and(make(point, scratch));
             // The largest first (the lowest vertex on a tie): propagation takes it as what the others add up to 1 with.
             let mut first = 0;
             for (at, entry) in scratch.row.iter().enumerate() {

@@ -5,6 +5,7 @@
 //! longer than the straight one. Around a limb the two differ by at most pi / 2, and a little for the detour along edges; to
 //! a limb that merely touches, or to another component, the way is far longer or there is none.
 
+use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::fmt;
@@ -79,11 +80,21 @@ pub(crate) struct Neighbourhoods<'a> {
     /// Of each point, the cage vertex that stands for where on the surface it lies.
     owners: Vec<u32>,
     tree: Option<ImmutableKdTree<f64, 3>>,
+    /// For each cage vertex, those that its points may follow, nearest first; none where they are too many to share.
+    near: Vec<Vec<u32>>,
     /// For each cage vertex, those near in space but not along the surface, with their trust; increasing by vertex.
     far: Vec<Vec<(u32, f32)>>,
-    /// For each cage vertex, how far from it the nearest ones of its points may lie.
-    reach: Vec<f64>,
-    neighbours: usize,
+    /// The most that rows may have.
+    most: usize,
+}
+
+/// Whose row is looked for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Whose {
+    /// One of the points, by number and position.
+    Point(usize, DVec3),
+    /// A cage vertex.
+    CageVertex(u32),
 }
 
 /// A thread's memory: the candidates of the owner at hand.
@@ -94,8 +105,6 @@ pub(crate) struct Group {
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
-    /// Whether every nearest vertex of the owner's points is in `list`.
-    complete: bool,
     /// The owner and the vertices round it, where one of them distrusts some vertex of the list; else empty.
     judges: Vec<u32>,
     /// Row by judge, column by entry of `list`.
@@ -104,7 +113,7 @@ pub(crate) struct Group {
 }
 
 impl<'a> Neighbourhoods<'a> {
-    /// Prepares rows of `neighbours` cage vertices for `points`.
+    /// Prepares rows of up to `most` cage vertices for `points`, and for the cage vertices themselves.
     ///
     /// `positions` are the cage's, in the same frame as the points. `owners` says which cage vertex each point belongs to along
     /// the surface (none where the number is no vertex); without it, the nearest one in space.
@@ -113,7 +122,7 @@ impl<'a> Neighbourhoods<'a> {
         positions: &[DVec3],
         points: &[DVec3],
         owners: Option<&[u32]>,
-        neighbours: usize,
+        most: usize,
         support: Support,
     ) -> Self {
         let coordinates: Vec<[f64; 3]> = positions.iter().map(DVec3::to_array).collect();
@@ -121,10 +130,10 @@ impl<'a> Neighbourhoods<'a> {
             topology,
             tree: ImmutableKdTree::new_from_slice(&coordinates).ok(),
             owners: Vec::new(),
+            near: Vec::new(),
             far: vec![Vec::new(); positions.len()],
-            reach: vec![0.0; positions.len()],
             positions: positions.to_vec(),
-            neighbours,
+            most,
         };
         let known = |i: usize| owners.map(|owners| owners[i]).filter(|&o| (o as usize) < positions.len());
         made.owners = (0..points.len())
@@ -132,23 +141,59 @@ impl<'a> Neighbourhoods<'a> {
             .with_min_len(1024)
             .map(|i| known(i).unwrap_or_else(|| made.nearest_vertex(points[i])))
             .collect();
+        let mut reach = vec![0.0_f64; positions.len()];
         for (point, &owner) in points.iter().zip(&made.owners) {
-            let reach = &mut made.reach[owner as usize];
+            let reach = &mut reach[owner as usize];
             *reach = reach.max(2.0 * point.distance(positions[owner as usize]));
         }
-        // The distance to the k-th nearest vertex changes by no more than the point does, so all of a point's nearest ones lie
-        // within (k-th distance at the owner) + 2 (distance to the owner) of the owner.
-        let kth: Vec<f64> = positions.par_iter().map(|p| made.farthest_of_nearest(*p)).collect();
-        for (reach, kth) in made.reach.iter_mut().zip(kth) {
-            *reach = (*reach + kth) * (1.0 + 1e-9);
-        }
-        if support == Support::Surface {
-            made.far = (0..positions.len() as u32)
-                .into_par_iter()
-                .map_init(|| Paths::new(positions.len()), |paths, g| made.distrusted(g, paths))
-                .collect();
-        }
+        made.collect(&mut reach, support);
         made
+    }
+
+    /// Fills `near` and `far`. `reach` is twice the distance of each cage vertex to its farthest point.
+    ///
+    /// The distance to the k-th nearest vertex changes by no more than the point does, so all of a point's nearest ones lie
+    /// within (k-th distance at the owner) + 2 (distance to the owner) of the owner.
+    fn collect(&mut self, reach: &mut [f64], support: Support) {
+        // Enough for nearly all, so that the tree is asked once a vertex.
+        let guess = self.most.saturating_add(1).saturating_mul(4);
+        let ask = |p: &DVec3| self.nearest_in_space(*p, guess.min(MOST_SHARED), f64::INFINITY);
+        let around: Vec<Vec<(f64, u32)>> = self.positions.par_iter().map(ask).collect();
+        for (reach, around) in reach.iter_mut().zip(&around) {
+            let kth = around.get(self.most).or(around.last());
+            *reach = (*reach + kth.map_or(0.0, |k| k.0)) * (1.0 + 1e-9);
+        }
+        let within = |g: u32, radius: f64| match around[g as usize].last() {
+            Some(last) if last.0 > radius || around[g as usize].len() == self.positions.len() => {
+                let list = &around[g as usize];
+                Cow::Borrowed(&list[..list.partition_point(|n| n.0 <= radius)])
+            }
+            _ => Cow::Owned(self.nearest_in_space(self.positions[g as usize], MOST_SHARED + 1, radius)),
+        };
+        let made: Vec<(Vec<u32>, Vec<(u32, f32)>)> = (0..self.positions.len() as u32)
+            .into_par_iter()
+            .map_init(
+                || Paths::new(self.positions.len()),
+                |paths, g| {
+                    let list = within(g, reach[g as usize]);
+                    let shared = list.len() <= MOST_SHARED && self.most <= MOST_SHARED;
+                    let near = if shared { list.iter().map(|n| n.1).collect() } else { Vec::new() };
+                    let far = match support {
+                        Support::Surface => self.distrusted(g, &within(g, self.widest(g, reach)), paths),
+                        Support::Space => Vec::new(),
+                    };
+                    (near, far)
+                },
+            )
+            .collect();
+        (self.near, self.far) = made.into_iter().unzip();
+    }
+
+    /// Within this distance of `g` lies whatever its own points and those of the vertices round it may follow.
+    fn widest(&self, g: u32, reach: &[f64]) -> f64 {
+        let at = self.positions[g as usize];
+        let of = |&o: &u32| reach[o as usize] + at.distance(self.positions[o as usize]);
+        self.topology.neighbours(g as usize).iter().map(of).fold(reach[g as usize], f64::max)
     }
 
     /// The points in the order of their owners: neighbours in it share their candidates.
@@ -189,19 +234,10 @@ impl<'a> Neighbourhoods<'a> {
         found
     }
 
-    fn farthest_of_nearest(&self, point: DVec3) -> f64 {
-        self.nearest_in_space(point, self.neighbours.saturating_add(1), f64::INFINITY).last().map_or(0.0, |n| n.0)
-    }
-
-    /// The vertices near `g` in space, or near one of its neighbours' points, that are not near along the surface.
-    fn distrusted(&self, g: u32, paths: &mut Paths) -> Vec<(u32, f32)> {
-        let at = self.positions[g as usize];
-        let around = self.topology.neighbours(g as usize).iter();
-        let reach = around
-            .map(|&o| self.reach[o as usize] + at.distance(self.positions[o as usize]))
-            .fold(self.reach[g as usize], f64::max);
-        let targets = self.nearest_in_space(at, MOST_SHARED, reach);
-        paths.measure(self.topology, &self.positions, g, &targets);
+    /// Those of `targets` (straight distance and vertex, nearest first) that are not near `g` along the surface.
+    fn distrusted(&self, g: u32, targets: &[(f64, u32)], paths: &mut Paths) -> Vec<(u32, f32)> {
+        let targets = &targets[..targets.len().min(MOST_SHARED)];
+        paths.measure(self.topology, &self.positions, g, targets);
         let mut far: Vec<(u32, f32)> = targets
             .iter()
             .filter_map(|&(straight, j)| {
@@ -216,40 +252,42 @@ impl<'a> Neighbourhoods<'a> {
         far
     }
 
-    /// Lists the cage vertices that point `i` follows, in `near`, and returns the distance at which they fade to nothing: that of
-    /// the first one left out.
+    /// Lists up to `neighbours` cage vertices that `whose` follows, in `near`, and returns the distance at which they fade to
+    /// nothing: that of the first one left out.
     ///
     /// Those left out count by their trust: the list ends where the trusts before it add up to the number of neighbours.
-    pub(crate) fn find(&self, i: usize, point: DVec3, group: &mut Group, near: &mut Vec<Near>) -> f64 {
-        let owner = self.owners[i];
+    pub(crate) fn find(&self, whose: Whose, neighbours: usize, group: &mut Group, near: &mut Vec<Near>) -> f64 {
+        debug_assert!(neighbours <= self.most);
+        let (point, owner) = match whose {
+            Whose::Point(i, point) => (point, self.owners[i]),
+            Whose::CageVertex(j) => (self.positions[j as usize], j),
+        };
         if group.owner != Some(owner) {
             self.enter(owner, group);
         }
         near.clear();
         group.keys.clear();
-        if group.complete {
-            for (at, &vertex) in group.list.iter().enumerate() {
-                let (x, y, z) = (group.x[at] - point.x, group.y[at] - point.y, group.z[at] - point.z);
-                // Non-negative floats order like their bits.
-                group.keys.push(((x * x + y * y + z * z).to_bits(), vertex, at as u32));
-            }
-        } else {
-            let wanted = self.neighbours.saturating_add(1).saturating_mul(4);
-            let found = self.nearest_in_space(point, wanted, f64::INFINITY);
+        if group.list.is_empty() {
+            let found = self.nearest_in_space(point, neighbours.saturating_add(1).saturating_mul(4), f64::INFINITY);
             let far = &self.far[owner as usize];
             group.keys.extend(found.iter().map(|&(d, vertex)| ((d * d).to_bits(), vertex, u32::MAX)));
             group.keys.retain(|k| far.binary_search_by_key(&k.1, |f| f.0).is_err());
         }
+        for (at, &vertex) in group.list.iter().enumerate() {
+            let (x, y, z) = (group.x[at] - point.x, group.y[at] - point.y, group.z[at] - point.z);
+            // Non-negative floats order like their bits.
+            group.keys.push(((x * x + y * y + z * z).to_bits(), vertex, at as u32));
+        }
         let entry = |key: &(u64, u32, u32)| Near { distance: f64::from_bits(key.0).sqrt(), vertex: key.1, trust: 1.0 };
-        if group.judges.is_empty() || !group.complete {
+        if group.judges.is_empty() {
             let keys = &mut group.keys[..];
-            if keys.len() > self.neighbours {
-                keys.select_nth_unstable(self.neighbours);
-                near.extend(keys[..self.neighbours].iter().map(entry));
-                return f64::from_bits(keys[self.neighbours].0).sqrt();
+            if keys.len() > neighbours {
+                keys.select_nth_unstable(neighbours);
+                near.extend(keys[..neighbours].iter().map(entry));
+                return f64::from_bits(keys[neighbours].0).sqrt();
             }
             near.extend(keys.iter().map(entry));
-            return self.past_all(near);
+            return past_all(near);
         }
         group.keys.sort_unstable();
         let shares = self.shares(point, group);
@@ -261,9 +299,9 @@ impl<'a> Neighbourhoods<'a> {
                 continue;
             }
             let found = Near { trust, ..entry(key) };
-            if sum + trust > self.neighbours as f64 {
+            if sum + trust > neighbours as f64 {
                 // In between, so that the end of the row moves without a jump while trusts change.
-                let beyond = self.neighbours as f64 + 1.0 - sum;
+                let beyond = neighbours as f64 + 1.0 - sum;
                 if beyond <= trust {
                     return last + (found.distance - last) * (beyond / trust);
                 }
@@ -276,12 +314,7 @@ impl<'a> Neighbourhoods<'a> {
             // The owner trusts itself; this is a list without it.
             near.push(Near { distance: point.distance(self.positions[owner as usize]), vertex: owner, trust: 1.0 });
         }
-        self.past_all(near)
-    }
-
-    /// Where all there are are taken, as if the next one were a tenth farther than the last.
-    fn past_all(&self, near: &[Near]) -> f64 {
-        1.1 * near.iter().map(|n| n.distance).fold(0.0, f64::max)
+        past_all(near)
     }
 
     /// How much each judge's verdict counts at a point: more for those closer by, so that verdicts change smoothly.
@@ -297,12 +330,9 @@ impl<'a> Neighbourhoods<'a> {
     /// Collects the candidates of an owner's points.
     fn enter(&self, owner: u32, group: &mut Group) {
         group.owner = Some(owner);
-        let found = self.nearest_in_space(self.positions[owner as usize], MOST_SHARED + 1, self.reach[owner as usize]);
-        group.complete = found.len() <= MOST_SHARED;
-        group.list.clear();
+        group.list.clone_from(&self.near[owner as usize]);
         group.judges.clear();
         group.verdicts.clear();
-        group.list.extend(found.iter().map(|n| n.1));
         let at = |j: &u32| self.positions[*j as usize];
         (group.x, group.y, group.z) = (
             group.list.iter().map(|j| at(j).x).collect(),
@@ -321,6 +351,11 @@ impl<'a> Neighbourhoods<'a> {
             }
         }
     }
+}
+
+/// The end of a row that takes all there are: as if the next one were a tenth farther than the last.
+fn past_all(near: &[Near]) -> f64 {
+    1.1 * near.iter().map(|n| n.distance).fold(0.0, f64::max)
 }
 
 /// Shortest ways along the cage's edges from one vertex (Dijkstra), in memory kept from search to search.
