@@ -183,6 +183,25 @@ fn non_manifold_places_are_kept_and_counted() {
     assert_eq!(made.mesh.topology().euler_characteristic(), weld.mesh.topology().euler_characteristic());
 }
 
+/// Faces that turn either way are no reason to miss a neighbour or to break the surface.
+#[test]
+fn badly_oriented_shapes_keep_their_topology() {
+    for shape in [shapes::icosphere(4), shapes::plane_grid(25, 20, 2.0, 1.0).expect("valid")] {
+        let turn = |(i, t): (usize, &[u32; 3])| if i % 7 == 0 { [t[1], t[0], t[2]] } else { *t };
+        let turned = shape.triangles().iter().enumerate().map(turn).collect();
+        let turned = TriMesh::new(shape.positions.clone(), turned).expect("valid");
+        assert!(turned.topology().require_oriented().is_err());
+        for share in [0.5, 0.1, 0.02] {
+            let made = cage(&turned, CageSize::Fraction(share));
+            let (before, after) = (turned.topology(), made.mesh.topology());
+            assert_eq!(Some(made.mesh.vertex_count()), made.report.asked);
+            assert_eq!(after.euler_characteristic(), before.euler_characteristic());
+            assert_eq!(after.boundary_edge_count() == 0, before.boundary_edge_count() == 0);
+            after.require_manifold().expect("it was manifold");
+        }
+    }
+}
+
 /// Owners divide the shape into patches: connected along its edges, each with its cage vertex, none across components.
 #[test]
 fn what_a_cage_vertex_owns_is_connected() {

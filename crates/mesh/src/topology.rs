@@ -307,8 +307,9 @@ impl Topology {
             if i == gathered {
                 (fans, gathered) = (fans + 1, gathered + 1);
             }
-            for j in gathered..sides.len() {
-                if sides[j].contains(&sides[i][0]) || sides[j].contains(&sides[i][1]) {
+            for j in i + 1..sides.len() {
+                let joins = sides[j].contains(&sides[i][0]) || sides[j].contains(&sides[i][1]);
+                if j >= gathered && joins {
                     sides.swap(gathered, j);
                     gathered += 1;
                 }

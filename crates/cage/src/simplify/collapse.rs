@@ -48,19 +48,23 @@ pub(super) struct Working {
     boundary: Vec<bool>,
     /// At an edge or vertex that is not manifold: never moved.
     pub(super) locked: Vec<bool>,
+    /// Whether all faces turn the same way.
+    oriented: bool,
 }
 
 impl Working {
     /// A working copy of a mesh; `boundary` says which vertices are on an edge with one face.
     pub(super) fn new(topology: &Topology, sites: Vec<Site>, boundary: Vec<bool>) -> Self {
-        let mut locked: Vec<bool> = (0..sites.len()).into_par_iter().map(|v| topology.fan_count(v) > 1).collect();
+        let of_fans = || -> Vec<bool> { (0..sites.len()).into_par_iter().map(|v| topology.fan_count(v) > 1).collect() };
+        let (mut locked, (fans, oriented)) =
+            rayon::join(of_fans, || (Fans::new(topology), topology.require_oriented().is_ok()));
         for (e, &[a, b]) in topology.edges().iter().enumerate() {
             if topology.edge_faces(e).len() > 2 {
                 locked[a as usize] = true;
                 locked[b as usize] = true;
             }
         }
-        Self { sites, fans: Fans::new(topology), boundary, locked }
+        Self { sites, fans, boundary, locked, oriented }
     }
 
     /// Whether `v` is there, with faces, and not locked.
@@ -68,9 +72,10 @@ impl Working {
         self.fans.face_count(v) > 0 && !self.locked[v as usize]
     }
 
-    /// Whether the faces round `v` may leave out an edge of it: on a boundary, or where the surface is not manifold.
+    /// Whether some neighbour of `v` may not come next in any face of it: on a boundary, where the surface is not manifold, and
+    /// anywhere if faces do not turn the same way.
     pub(super) fn is_open_fan(&self, v: u32) -> bool {
-        self.boundary[v as usize] || self.locked[v as usize]
+        self.boundary[v as usize] || self.locked[v as usize] || !self.oriented
     }
 
     /// Whether collapsing `u` into its neighbour `v` keeps the surface what it is; if so, the quality of the worst face

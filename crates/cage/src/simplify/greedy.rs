@@ -67,12 +67,12 @@ struct Cheapest {
 impl Cheapest {
     const NONE: Self = Self { best: Target { cost: f64::INFINITY, vertex: u32::MAX }, others: f64::INFINITY };
 
-    /// Takes another neighbour into account.
+    /// Takes another neighbour, or one that was offered before at the same cost, into account.
     fn offer(&mut self, target: Target) {
         if target.cost < self.best.cost || target.cost == self.best.cost && target.vertex < self.best.vertex {
             self.others = self.best.cost;
             self.best = target;
-        } else if target.cost < self.others {
+        } else if target.cost < self.others && target.vertex != self.best.vertex {
             self.others = target.cost;
         }
     }
@@ -126,6 +126,7 @@ impl Simplifier {
         let target = asked.unwrap_or(0);
         let total = self.count.saturating_sub(target);
         let smallest = asked.is_some_and(|asked| asked <= 4 * self.components);
+        let mut steps = 0_usize;
         for guard in &GUARDS[..if smallest { GUARDS.len() } else { 1 }] {
             let (working, cheapest) = (&self.working, &self.cheapest);
             let moving = (0..self.owner.len() as u32).filter(|&v| working.may_move(v));
@@ -134,9 +135,9 @@ impl Simplifier {
                 let Some(u) = self.queue.pop() else { break };
                 self.read_ahead();
                 self.step(u, *guard);
-                let done = total - (self.count - target);
-                if done.is_multiple_of((total / 100).max(1)) {
-                    progress.advance(done, total);
+                steps += 1;
+                if steps.is_multiple_of((total / 100).max(1)) {
+                    progress.advance(total - (self.count - target), total);
                     if progress.is_cancelled() {
                         return Err(CageError::Cancelled { what: "simplification" });
                     }
@@ -178,14 +179,14 @@ impl Simplifier {
         let mut best = Choice { cost: f64::INFINITY, vertex: u, distance: 0.0 };
         let first = self.cheapest[u as usize].best;
         self.judge(u, first, guard, &mut best);
-        // Costs only grow by judging, so the cheapest neighbour, if nothing speaks against it, needs no comparison.
+        // Judging only adds to costs: if nothing was added to that of the cheapest neighbour, no other can be cheaper.
         if best.cost > first.cost {
             let mut others = std::mem::take(&mut self.others);
             others.clear();
             let cheaper = |t: &Target| t.vertex != first.vertex && t.cost < best.cost;
             self.for_each_target(u, |t| others.extend(Some(t).filter(cheaper)));
             others.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.vertex.cmp(&b.vertex)));
-            for &other in others.iter() {
+            for &other in &others {
                 if other.cost >= best.cost {
                     break;
                 }
@@ -243,7 +244,7 @@ impl Simplifier {
         self.working.collapse(u, v, &mut ring, |w, renamed, is_open| {
             let known = &mut cheapest[w as usize];
             if known.best.vertex == u {
-                // The cost of a vertex that is gone; below it is that of `v`.
+                // The cost follows below, as for all that had `v` already.
                 known.best.vertex = v;
             } else if !renamed.lost && (renamed.followed || is_open) && at_home <= known.others {
                 known.offer(Target { cost: quadrics[w as usize].at(position) + at_home, vertex: v });
@@ -295,6 +296,7 @@ impl Simplifier {
         }
     }
 
+    /// What collapsing `u` into its neighbour `v` costs.
     fn cost(&self, u: u32, v: u32) -> f64 {
         let site = &self.working.sites[v as usize];
         self.quadrics[u as usize].at(site.position) + site.at_home

@@ -118,7 +118,8 @@ impl SimplifyReport {
 ///
 /// Keeps what the shape is: manifold where it was manifold, the same Euler characteristic, boundaries, components. Vertices
 /// at non-manifold places stay. Works on open shapes and on several components. Ties are broken by vertex
-/// number, so the result is the same on every run. `O(n log n)`; about 7 us a collapse.
+/// number, so the result is the same on every run and for any number of threads. `O(n log n)`; about 2 us a collapse, which are
+/// made one after the other, and some 400 bytes a vertex.
 ///
 /// No face is turned over to reach a size: the cage then stays larger, as the report says. Only when no more than four
 /// vertices per component are asked for, the smallest cage there is, does the last stretch give up normals to get there:
