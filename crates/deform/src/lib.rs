@@ -43,7 +43,7 @@ mod method;
 mod operators;
 mod region;
 
-pub use arap::{ArapEnergy, ArapOptions, EdgeWeightKind};
+pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
 pub use method::{Deformer, Method, PrepareReport, SolveReport};

@@ -475,6 +475,7 @@ fn options_are_checked_and_read() {
         energy: ArapEnergy::SpokesAndRims,
         iterations: 2,
         tolerance: Some(1e-4),
+        ..ArapOptions::default()
     };
     assert_eq!(method, Method::Arap(expected));
     assert!(serde_json::from_str::<Method>(r#"{"arap": {"wieghts": "uniform"}}"#).is_err());

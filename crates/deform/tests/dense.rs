@@ -202,7 +202,7 @@ fn variants() -> impl Iterator<Item = ArapOptions> {
             weights,
             energy,
             iterations: 5,
-            tolerance: None,
+            ..ArapOptions::default()
         })
     })
 }

@@ -205,6 +205,13 @@ fn subtract(y: &mut Row, factor: f64, x: &Row) {
     }
 }
 
+#[inline(always)]
+fn scale(y: &mut Row, factor: f64) {
+    for y in y {
+        *y *= factor;
+    }
+}
+
 /// The panel's part of `L y = b`.
 #[inline(always)]
 fn forward<const W: usize>(panel: &Panel, rows: &[u32], values: &[f64], work: &mut [Row]) {
@@ -217,7 +224,7 @@ fn forward<const W: usize>(panel: &Panel, rows: &[u32], values: &[f64], work: &m
         for (c, solved) in solved.iter().enumerate() {
             subtract(&mut rest[0], triangle[r * (r + 1) / 2 + c], solved);
         }
-        rest[0] = rest[0].map(|b| b * triangle[r * (r + 1) / 2 + r]);
+        scale(&mut rest[0], triangle[r * (r + 1) / 2 + r]);
     }
     work[first..first + W].copy_from_slice(&x);
     for (&row, factors) in rows.iter().zip(below.as_chunks::<W>().0) {
@@ -248,7 +255,7 @@ fn backward<const W: usize>(panel: &Panel, rows: &[u32], values: &[f64], work: &
         for (s, solved) in (r + 1..).zip(&*solved) {
             subtract(open, triangle[s * (s + 1) / 2 + r], solved);
         }
-        *open = open.map(|b| b * triangle[r * (r + 1) / 2 + r]);
+        scale(open, triangle[r * (r + 1) / 2 + r]);
     }
     work[first..first + W].copy_from_slice(&x);
 }

@@ -111,7 +111,8 @@ impl WithSimd for FitRings<'_> {
         for at in 0..frames.len() {
             let ring = Ring::new(topology, points, weights, first + at);
             if ring.changed {
-                batch.set(count, &ring.columns.map(|[x, y, z, _]| [x, y, z]));
+                let [x, y, z] = ring.columns;
+                batch.set(count, &[[x[0], x[1], x[2]], [y[0], y[1], y[2]], [z[0], z[1], z[2]]]);
                 (waiting[count], squares[count]) = (at, ring.square);
                 count += 1;
             } else {
@@ -152,7 +153,8 @@ impl Ring {
             let [rest_end, pose_end] = points[k as usize];
             let (from, to) = (subtract(rest_end, rest), subtract(pose_end, pose));
             ring.changed |= from != to;
-            let weighted = from.map(|from| from * weights[edge as usize]);
+            let weight = weights[edge as usize];
+            let weighted: Row = std::array::from_fn(|c| from[c] * weight);
             for (column, weighted) in ring.columns.iter_mut().zip(weighted) {
                 for (sum, to) in column.iter_mut().zip(to) {
                     *sum += to * weighted;

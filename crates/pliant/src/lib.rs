@@ -5,8 +5,8 @@ pub use pliant_cage::{
     SimplifyOptions, SimplifyReport, Support, UNSAFE_MAGNITUDE, simplify,
 };
 pub use pliant_deform::{
-    ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle, HandleFault, Method,
-    PrepareReport, Region, Role, SolveReport,
+    Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle,
+    HandleFault, Method, PrepareReport, Region, Role, SolveReport,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,

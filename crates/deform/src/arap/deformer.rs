@@ -7,13 +7,14 @@ use pliant_linalg::{Cholesky, LinalgError};
 use pliant_mesh::threads::among_threads;
 use pliant_mesh::{MeshError, TriMesh};
 
-use super::ArapOptions;
+use super::anderson::Anderson;
 use super::cells::{Cells, Term};
 use super::roles::Roles;
 use super::shape::{Frame, Shape};
 use super::steps::{
     Columns, ENERGY_CHUNK, Row, energy, fit_rigid, fit_rotations, move_unknowns, point, row, spring_energy,
 };
+use super::{Acceleration, ArapOptions};
 use crate::error::HandleFault;
 use crate::{DeformError, Deformer, Goals, PrepareReport, Region, Role, SolveReport};
 
@@ -42,6 +43,8 @@ struct Edit {
     cells: Cells,
     roles: Roles,
     factor: Cholesky,
+    /// If iterations are accelerated.
+    anderson: Option<Anderson>,
     /// Edges of the energy; only if it has been asked for.
     terms: Option<Vec<Term>>,
     /// In the frame, by slot.
@@ -77,10 +80,7 @@ impl Arap {
         options.check()?;
         check_count("vertices of the region", rest.vertex_count(), region.vertex_count())?;
         let shape = Shape::new(options, rest)?;
-        let mut edit = Edit::new(&shape, region)?;
-        if options.tolerance.is_some() {
-            edit.prepare_energy(&shape);
-        }
+        let edit = Edit::new(options, &shape, region)?;
         Ok(Self { options: options.clone(), shape, edit })
     }
 
@@ -114,18 +114,24 @@ impl Arap {
                 return Ok(report);
             }
             edit.fit_rotations();
-            if let Some(tolerance) = options.tolerance {
-                let now = edit.current_energy(shape.multiplicity());
-                report.energy_before.get_or_insert(now * unit);
-                report.energy_after = Some(now * unit);
-                report.converged = last - now <= tolerance * last && last.is_finite() || now <= rounding;
-                if report.converged || at_end {
-                    return Ok(report);
+            if options.tolerance.is_some() || edit.anderson.is_some() {
+                let now = edit.safe_energy(last, shape.multiplicity());
+                if let Some(tolerance) = options.tolerance {
+                    report.energy_before.get_or_insert(now * unit);
+                    report.energy_after = Some(now * unit);
+                    report.converged = last - now <= tolerance * last && last.is_finite() || now <= rounding;
+                    if report.converged || at_end {
+                        return Ok(report);
+                    }
                 }
                 last = now;
             }
             edit.global_step()?;
             report.iterations += 1;
+            // The last step is not accelerated, as nobody would look at its energy.
+            if report.iterations < options.iterations {
+                edit.accelerate();
+            }
         }
     }
 }
@@ -142,13 +148,9 @@ impl Deformer for Arap {
     fn set_region(&mut self, region: &Region) -> Result<PrepareReport, DeformError> {
         check_count("vertices of the region", self.edit.region.vertex_count(), region.vertex_count())?;
         if self.edit.has_same_roi(region) {
-            self.edit.set_roles(&self.shape, region)?;
+            self.edit.set_roles(&self.options, &self.shape, region)?;
         } else {
-            let mut edit = Edit::new(&self.shape, region)?;
-            if self.edit.terms.is_some() {
-                edit.prepare_energy(&self.shape);
-            }
-            self.edit = edit;
+            self.edit = Edit::new(&self.options, &self.shape, region)?;
         }
         Ok(self.prepared())
     }
@@ -164,7 +166,7 @@ impl Deformer for Arap {
 }
 
 impl Edit {
-    fn new(shape: &Shape, region: &Region) -> Result<Self, DeformError> {
+    fn new(options: &ArapOptions, shape: &Shape, region: &Region) -> Result<Self, DeformError> {
         let roi: Vec<u32> = roi(region).collect();
         let cells = Cells::new(shape, &roi);
         let roles = Roles::new(shape, &cells, region);
@@ -183,7 +185,14 @@ impl Edit {
             ..Scratch::default()
         };
         scratch.fit(&roles);
-        Ok(Self { region: region.clone(), cells, roles, factor, terms: None, rest, scratch })
+        let anderson = anderson(options, &roles);
+        let is_accelerated = anderson.is_some();
+        let region = region.clone();
+        let mut edit = Self { region, cells, roles, factor, anderson, terms: None, rest, scratch };
+        if options.tolerance.is_some() || is_accelerated {
+            edit.prepare_energy(shape);
+        }
+        Ok(edit)
     }
 
     fn has_same_roi(&self, region: &Region) -> bool {
@@ -191,7 +200,7 @@ impl Edit {
     }
 
     /// Takes over the roles of a region with the same region of interest, or changes nothing.
-    fn set_roles(&mut self, shape: &Shape, region: &Region) -> Result<(), DeformError> {
+    fn set_roles(&mut self, options: &ArapOptions, shape: &Shape, region: &Region) -> Result<(), DeformError> {
         let Self { cells, factor, .. } = self;
         let mut refactor = |roles: &Roles| {
             factor.refactor_block(cells.laplacian(&roles.diagonal), |slot| roles.unknowns.contains(slot))
@@ -203,6 +212,7 @@ impl Edit {
             return Err(named(error, &self.cells));
         }
         self.scratch.fit(&roles);
+        self.anderson = anderson(options, &roles);
         self.roles = roles;
         self.region = region.clone();
         Ok(())
@@ -273,6 +283,9 @@ impl Edit {
     /// would see torn edges and no true rotation. From rest all of them are one rotation: the identity (Sorkine and
     /// Alexa's guess) unless the constraints turn as a whole.
     fn guess(&mut self) -> Result<(), LinalgError> {
+        if let Some(anderson) = &mut self.anderson {
+            anderson.forget();
+        }
         self.follow_constraints();
         self.fit_rotations();
         let Scratch { pose, goals, .. } = &mut self.scratch;
@@ -316,6 +329,44 @@ impl Edit {
         move_unknowns(cells, roles, factor, rotations, draws, pose, rhs)
     }
 
+    /// Notes the global step just done, and goes where the steps so far seem to lead.
+    fn accelerate(&mut self) {
+        let Self { roles, anderson, scratch, .. } = self;
+        let Some(anderson) = anderson else { return };
+        let Scratch { pose, rhs, .. } = scratch;
+        let unknowns = roles.unknowns.as_slice();
+        anderson.note(unknowns.iter().map(|&slot| {
+            let [x, y, z] = rhs[slot as usize];
+            ([x, y, z, 0.0], pose[slot as usize])
+        }));
+        if anderson.mix() {
+            for (unknown, &slot) in unknowns.iter().enumerate() {
+                pose[slot as usize] = anderson.mixed(unknown);
+            }
+        }
+    }
+
+    /// The current energy, after a local step. If it has risen above `last` by an acceleration, that is taken back.
+    fn safe_energy(&mut self, last: f64, multiplicity: f64) -> f64 {
+        let now = self.current_energy(multiplicity);
+        if (now > last || now.is_nan()) && self.go_back() {
+            self.fit_rotations();
+            return self.current_energy(multiplicity);
+        }
+        now
+    }
+
+    /// Takes back an acceleration; whether there was one.
+    fn go_back(&mut self) -> bool {
+        let Self { roles, anderson, scratch, .. } = self;
+        let Some(anderson) = anderson.as_mut().filter(|anderson| anderson.has_mixed()) else { return false };
+        for (&slot, &end) in roles.unknowns.as_slice().iter().zip(anderson.end()) {
+            scratch.pose[slot as usize] = end;
+        }
+        anderson.forget();
+        true
+    }
+
     /// The energy of the current pose and rotations, in the frame.
     fn current_energy(&mut self, multiplicity: f64) -> f64 {
         let Self { roles, terms, rest, scratch, .. } = self;
@@ -331,6 +382,13 @@ impl Scratch {
         self.goals.resize(roles.held.len(), Row::default());
         self.draws.resize(roles.springs.len(), Row::default());
         self.landed.resize(roles.led.len(), DVec3::ZERO);
+    }
+}
+
+fn anderson(options: &ArapOptions, roles: &Roles) -> Option<Anderson> {
+    match options.acceleration {
+        Acceleration::None => None,
+        Acceleration::Anderson { window } => Some(Anderson::new(window as usize, roles.unknowns.as_slice().len())),
     }
 }
 
@@ -361,5 +419,55 @@ fn within_reach(frame: &Frame, goal: DVec3, handle: u32, vertex: u32) -> Result<
         Ok(inner)
     } else {
         Err(DeformError::handle(handle as usize, HandleFault::TooFar { vertex }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pliant_mesh::{Similarity, VertexSet, shapes};
+
+    use super::*;
+    use crate::Handle;
+
+    /// Every pose that is stepped from has no more energy than the one before.
+    #[test]
+    fn no_accelerated_step_raises_the_energy() {
+        let bar = shapes::bar(24, 4, 4, DVec3::new(6.0, 1.0, 1.0)).expect("valid size");
+        let cactus = shapes::cactus(900).expect("in range");
+        let (mut taken_back, mut kept) = (0, 0);
+        for mesh in [bar, cactus, shapes::bumpy_plane(20, 12, 2.0, 1.0, 0.1, 3).expect("valid size")] {
+            let (n, bounds) = (mesh.vertex_count(), mesh.bounds());
+            let axis = bounds.size().max_position();
+            let along = |v: u32| bounds.to_box(mesh.positions[v as usize])[axis];
+            let low = Handle::hard(VertexSet::where_true(n, |v| along(v) <= 0.1));
+            let high = Handle::hard(VertexSet::where_true(n, |v| along(v) >= 0.9));
+            let region = Region::new(n, &VertexSet::all(n), &[low, high]).expect("both ends have vertices");
+            for (window, angle) in [(1, 1.0), (5, 1.0), (5, 3.0), (20, 2.0)] {
+                let options = ArapOptions { acceleration: Acceleration::Anderson { window }, ..ArapOptions::default() };
+                let turn = Similarity::about(bounds.centre(), DVec3::new(0.3, 1.0, 0.5), angle, 1.0);
+                let goals = Goals::new(vec![Similarity::IDENTITY, turn]);
+                let mut arap = Arap::prepare(&options, &mesh, &region).expect("valid");
+                let (edit, m) = (&mut arap.edit, arap.shape.multiplicity());
+                edit.read(&arap.shape.frame, &goals, &mesh.positions).expect("valid");
+                edit.guess().expect("solvable");
+                let mut last = f64::INFINITY;
+                for _ in 0..150 {
+                    edit.fit_rotations();
+                    let raw = edit.current_energy(m);
+                    let now = edit.safe_energy(last, m);
+                    // Differences at convergence are rounding.
+                    if raw > last * (1.0 + 1e-9) {
+                        taken_back += 1;
+                    } else if raw < last * (1.0 - 1e-9) {
+                        kept += 1;
+                    }
+                    assert!(now <= last * (1.0 + 1e-12), "window {window}, angle {angle}: {last} -> {now}");
+                    last = now;
+                    edit.global_step().expect("solvable");
+                    edit.accelerate();
+                }
+            }
+        }
+        assert!(taken_back > 0 && kept > 5 * taken_back, "{taken_back} taken back, {kept} kept");
     }
 }

@@ -11,6 +11,7 @@
 //! An iteration is a *local* step (the best rotation of each cell, positions held) and a *global* step (positions,
 //! rotations held: a linear system whose matrix never changes). Both minimise the same energy, so it never rises.
 
+mod anderson;
 mod cells;
 mod deformer;
 mod roles;
@@ -26,6 +27,9 @@ pub use deformer::Arap;
 /// Most iterations that may be asked for.
 pub const MAX_ITERATIONS: u32 = 1_000_000;
 
+/// Farthest that [`Acceleration::Anderson`] may look back.
+pub const MAX_WINDOW: u32 = 20;
+
 /// Which edges the cell of a vertex has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -35,6 +39,22 @@ pub enum ArapEnergy {
     Spokes,
     /// All edges of the faces round the vertex (Chao et al. 2010): bends more smoothly, at nearly the same cost.
     SpokesAndRims,
+}
+
+/// How iterations learn from the ones before them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Acceleration {
+    /// Not at all.
+    #[default]
+    None,
+    /// Anderson acceleration, safeguarded (Peng et al. 2018): the iteration is repeated where the energy would rise, so it never does.
+    ///
+    /// Pays where many iterations are done: from the third on, and never in the last. Costs one pass over the edges an iteration more.
+    Anderson {
+        /// How many steps back it looks, 1 to [`MAX_WINDOW`]; 5 is a good choice.
+        window: u32,
+    },
 }
 
 /// Options of as-rigid-as-possible deformation.
@@ -52,11 +72,19 @@ pub struct ArapOptions {
     /// or more. 1e-4 is hard to tell from convergence by eye. Costs one local step and one pass over the edges more.
     /// Default: none.
     pub tolerance: Option<f64>,
+    /// Default: none.
+    pub acceleration: Acceleration,
 }
 
 impl Default for ArapOptions {
     fn default() -> Self {
-        Self { weights: EdgeWeightKind::default(), energy: ArapEnergy::default(), iterations: 2, tolerance: None }
+        Self {
+            weights: EdgeWeightKind::default(),
+            energy: ArapEnergy::default(),
+            iterations: 2,
+            tolerance: None,
+            acceleration: Acceleration::None,
+        }
     }
 }
 
@@ -75,6 +103,12 @@ impl ArapOptions {
         if self.iterations > MAX_ITERATIONS {
             let (expected, found) = ("at most 1000000", self.iterations.to_string());
             return Err(DeformError::BadOption { option: "iterations", expected, found });
+        }
+        if let Acceleration::Anderson { window } = self.acceleration
+            && !(1..=MAX_WINDOW).contains(&window)
+        {
+            let (expected, found) = ("1 to 20", window.to_string());
+            return Err(DeformError::BadOption { option: "window", expected, found });
         }
         match self.tolerance {
             Some(t) if !(t >= 0.0 && t.is_finite()) => {

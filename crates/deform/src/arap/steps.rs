@@ -62,11 +62,14 @@ impl WithSimd for FitCells<'_> {
                         add(column, edge, c);
                     }
                 }
-                batch.set(lane, &s.map(|[x, y, z, _]| [x, y, z]));
+                let [x, y, z] = s;
+                batch.set(lane, &[[x[0], x[1], x[2]], [y[0], y[1], y[2]], [z[0], z[1], z[2]]]);
             }
             batch.fit(slots.len());
             for (lane, &slot) in slots.iter().enumerate() {
-                rotations[slot as usize - first] = batch.get(lane).map(|[x, y, z]| [x, y, z, 0.0]);
+                let [x, y, z] = batch.get(lane);
+                rotations[slot as usize - first] =
+                    [[x[0], x[1], x[2], 0.0], [y[0], y[1], y[2], 0.0], [z[0], z[1], z[2], 0.0]];
             }
         }
     }

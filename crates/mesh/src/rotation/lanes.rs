@@ -89,16 +89,17 @@ impl RotationBatch {
 /// matrix.
 #[inline(always)]
 pub(super) fn horn<const N: usize>(s: &[[f64; N]; 9]) -> ([[f64; N]; 9], [bool; N]) {
-    let s = s.map(Wide);
-    let size = sum(s.map(|a| a * a));
+    let size = sum_of_squares(|k| Wide(s[k]), 9);
     let scale = Wide([1.0; N]) / size.sqrt();
-    let s = s.map(|a| a * scale);
+    // Not `map`, which the compiler does not always inline: it would then be compiled for narrow registers.
+    let s: [Wide<N>; 9] = std::array::from_fn(|k| Wide(s[k]) * scale);
     let (q, length_squared) = longest_adjugate_column(&s, largest_root(&s));
     let found = std::array::from_fn(|l| {
         // Written so that NaN is not found.
         size.0[l] > SIZES[0] && size.0[l] < SIZES[1] && length_squared.0[l] > AMBIGUOUS * AMBIGUOUS
     });
-    (rotation(&q, length_squared).map(|entry| entry.0), found)
+    let rotation = rotation(&q, length_squared);
+    (std::array::from_fn(|k| rotation[k].0), found)
 }
 
 /// The largest eigenvalue of Horn's matrix of each matrix of Frobenius norm 1, or NaN where Newton's method did not settle.
@@ -122,7 +123,7 @@ fn largest_root<const N: usize>(s: &[Wide<N>; 9]) -> Wide<N> {
         xx * yy - yx * xy,
     ];
     let det = xx * cofactors[0] + yx * cofactors[1] + zx * cofactors[2];
-    let (four_square, eight_det) = (sum(cofactors.map(|c| c * c)) * 4.0, det * 8.0);
+    let (four_square, eight_det) = (sum_of_squares(|k| cofactors[k], 9) * 4.0, det * 8.0);
     // Where the determinant is negative the bound falls as `x` grows, so it is taken at 0; else at sqrt(3), the most there is.
     let inner = four_square + eight_det.map(|d| d.max(0.0)) * 3.0_f64.sqrt();
     let mut x = (inner.sqrt() + 1.0).sqrt();
@@ -176,7 +177,7 @@ fn longest_adjugate_column<const N: usize>(s: &[Wide<N>; 9], root: Wide<N>) -> (
         }
         longest = Wide(std::array::from_fn(|l| diagonal.0[l].max(longest.0[l])));
     }
-    (q, sum(q.map(|c| c * c)))
+    (q, sum_of_squares(|k| q[k], 4))
 }
 
 /// The rotation matrix of a quaternion that is not normalised, by columns.
@@ -208,12 +209,12 @@ impl<const N: usize> Wide<N> {
     }
 }
 
-/// The sum in the order given.
+/// Summed in order.
 #[inline(always)]
-fn sum<const N: usize, const M: usize>(terms: [Wide<N>; M]) -> Wide<N> {
+fn sum_of_squares<const N: usize>(term: impl Fn(usize) -> Wide<N>, terms: usize) -> Wide<N> {
     let mut total = Wide([0.0; N]);
-    for term in terms {
-        total = total + term;
+    for k in 0..terms {
+        total = total + term(k) * term(k);
     }
     total
 }
