@@ -73,6 +73,9 @@ pub(crate) struct Near {
     pub(crate) trust: f64,
 }
 
+/// Cage vertices and the trust in them, below 1; increasing by vertex.
+type Distrusted = Vec<(u32, f32)>;
+
 /// The cage vertices as they lie to each other; shared by the threads.
 pub(crate) struct Neighbourhoods<'a> {
     topology: &'a Topology,
@@ -82,8 +85,8 @@ pub(crate) struct Neighbourhoods<'a> {
     tree: Option<ImmutableKdTree<f64, 3>>,
     /// For each cage vertex, those that its points may follow, nearest first; none where they are too many to share.
     near: Vec<Vec<u32>>,
-    /// For each cage vertex, those near in space but not along the surface, with their trust; increasing by vertex.
-    far: Vec<Vec<(u32, f32)>>,
+    /// For each cage vertex, those near in space but not along the surface.
+    far: Vec<Distrusted>,
     /// The most that rows may have.
     most: usize,
 }
@@ -170,7 +173,7 @@ impl<'a> Neighbourhoods<'a> {
             }
             _ => Cow::Owned(self.nearest_in_space(self.positions[g as usize], MOST_SHARED + 1, radius)),
         };
-        let made: Vec<(Vec<u32>, Vec<(u32, f32)>)> = (0..self.positions.len() as u32)
+        let made: Vec<(Vec<u32>, Distrusted)> = (0..self.positions.len() as u32)
             .into_par_iter()
             .map_init(
                 || Paths::new(self.positions.len()),
@@ -235,10 +238,10 @@ impl<'a> Neighbourhoods<'a> {
     }
 
     /// Those of `targets` (straight distance and vertex, nearest first) that are not near `g` along the surface.
-    fn distrusted(&self, g: u32, targets: &[(f64, u32)], paths: &mut Paths) -> Vec<(u32, f32)> {
+    fn distrusted(&self, g: u32, targets: &[(f64, u32)], paths: &mut Paths) -> Distrusted {
         let targets = &targets[..targets.len().min(MOST_SHARED)];
         paths.measure(self.topology, &self.positions, g, targets);
-        let mut far: Vec<(u32, f32)> = targets
+        let mut far: Distrusted = targets
             .iter()
             .filter_map(|&(straight, j)| {
                 let way = paths.distance(j);

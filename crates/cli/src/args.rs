@@ -29,6 +29,7 @@ pub(crate) enum Command {
     Cage(CageOptions),
     Edit(EditOptions),
     Sweep(SweepOptions),
+    Bench(BenchOptions),
 }
 
 /// Make a creature of 100,000 vertices, edit it through a 5 % cage, and write meshes, pictures and a small sweep.
@@ -101,8 +102,9 @@ pub(crate) struct EditOptions {
     /// How the cage's motion is carried to the model: frames or positions.
     #[arg(long, default_value_t)]
     pub(crate) propagation: Propagation,
-    /// Which weights are kept: local:NEIGHBOURS, smooth:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03) or none.
-    /// Default: local:24 with frames, magnitude:0.03 with positions, which need its precision.
+    /// Which weights are kept: smooth:NEIGHBOURS, local:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03) or none; then
+    /// +space (nearest in space, not along the surface) or +smoothing:N (neighbours each cage vertex is averaged over).
+    /// Default: smooth:12 with frames, magnitude:0.03 with positions, which need its precision.
     #[arg(long)]
     pub(crate) prune: Option<BindOptions>,
     /// Iterations of the solver in each step: a number, or converged.
@@ -130,7 +132,7 @@ pub(crate) struct EditOptions {
 /// sqrt(mean(((l' - l) / l)^2)), `relative_rms` is sqrt(sum (l' - l)^2 / sum l^2).
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  pliant sweep bunny.obj --sizes 1%,2%,5%,10%,none -o out/bunny\n  pliant sweep armadillo.obj --preset paper -o out/paper\n  pliant sweep creature:20000 --prune magnitude:0.03,local:24 --propagation positions,frames --json"
+    after_help = "Examples:\n  pliant sweep bunny.obj --sizes 1%,2%,5%,10%,none -o out/bunny\n  pliant sweep armadillo.obj --preset paper -o out/paper\n  pliant sweep creature:20000 --prune magnitude:0.03,smooth:12 --propagation positions,frames --json"
 )]
 pub(crate) struct SweepOptions {
     /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
@@ -147,7 +149,8 @@ pub(crate) struct SweepOptions {
     /// How the cage's motion is carried to the model: frames, positions.
     #[arg(long, value_delimiter = ',', default_values_t = [Propagation::default()])]
     pub(crate) propagation: Vec<Propagation>,
-    /// Which weights are kept: local:NEIGHBOURS, smooth:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03), none.
+    /// Which weights are kept: smooth:NEIGHBOURS, local:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03), none; each may have
+    /// +space or +smoothing:N added.
     #[arg(long, value_delimiter = ',', default_values_t = [BindOptions::default()])]
     pub(crate) prune: Vec<BindOptions>,
     /// Iterations of the solver in each step: numbers, or converged.
@@ -162,6 +165,45 @@ pub(crate) struct SweepOptions {
     #[arg(short, long, value_name = "PREFIX")]
     pub(crate) output: Option<PathBuf>,
     /// Print the JSON report instead of text.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Time every stage of an edit of a model on this machine: cage, binding, drags, propagation.
+///
+/// A drag is a solve on the cage from the pose of the last one, and propagation by frames to single-precision positions.
+/// Medians of one run; on a busy machine look at ratios, such as that of propagation and a plain copy of as many bytes.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  pliant bench creature:100000\n  pliant bench dragon.ply --cage 1% --threads 1\n  pliant bench bunny.obj --prune magnitude:0.03 --exact --json"
+)]
+pub(crate) struct BenchOptions {
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    pub(crate) model: String,
+    /// Size of the cage: vertices (2000), share (5%) or distance (error:0.002).
+    #[arg(long, value_name = "SIZE", default_value = "5%")]
+    pub(crate) cage: SweepSize,
+    /// A scene file (JSON), or the name of a built-in scene, or auto.
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<String>,
+    /// Which weights are kept: smooth:NEIGHBOURS, local:NEIGHBOURS, magnitude:SHARE or none; then +space or +smoothing:N.
+    #[arg(long, default_value_t)]
+    pub(crate) prune: BindOptions,
+    /// Iterations of the solver in each drag.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub(crate) iterations: u32,
+    #[command(flatten)]
+    pub(crate) arap: ArapArguments,
+    /// Threads that work; all there are if not given.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+    /// Times that the stages before a drag are repeated.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) repeats: u32,
+    /// Also bind by the 3 % rule the exact way, every cage face for every vertex: about 60 ns a pair.
+    #[arg(long)]
+    pub(crate) exact: bool,
+    /// Print one JSON object instead of text.
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -1,6 +1,7 @@
 //! The `pliant` command: what the user typed becomes settings, settings become one library call, its result is printed.
 
 mod args;
+mod bench;
 mod cage;
 mod console;
 mod demo;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
         Command::Cage(options) => cage::run(&options),
         Command::Edit(options) => edit::run(&options),
         Command::Sweep(options) => sweep::run(&options),
+        Command::Bench(options) => bench::run(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

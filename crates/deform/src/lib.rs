@@ -46,5 +46,5 @@ mod region;
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
-pub use method::{Deformer, Method, PrepareReport, SolveReport};
+pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use region::{Constraint, Handle, Region, Role};

@@ -1,4 +1,5 @@
 use std::fmt;
+use std::time::Duration;
 
 use glam::DVec3;
 use pliant_mesh::TriMesh;
@@ -101,6 +102,22 @@ pub trait Deformer: Send {
     fn prepared(&self) -> PrepareReport {
         PrepareReport::default()
     }
+
+    /// How long the steps of the last solve took; zero where that is not measured.
+    ///
+    /// Not part of [`SolveReport`], which is the same on every run.
+    fn step_times(&self) -> StepTimes {
+        StepTimes::default()
+    }
+}
+
+/// Time that a solve spent in the steps it alternates, each summed over its iterations and its initial guess.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct StepTimes {
+    /// In local steps: a rotation for each cell.
+    pub local: Duration,
+    /// In global steps: right-hand sides and solutions of the linear system.
+    pub global: Duration,
 }
 
 /// What was prepared.

@@ -6,7 +6,7 @@ pub use pliant_cage::{
 };
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle,
-    HandleFault, Method, PrepareReport, Region, Role, SolveReport,
+    HandleFault, Method, PrepareReport, Region, Role, SolveReport, StepTimes,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,
@@ -27,7 +27,8 @@ pub use pliant_mesh::{
 };
 pub use pliant_study::{
     Bound, Caged, Detail, Dragged, Iterations, ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError,
-    Schedule, Stages, Study, StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, count, paper_sizes, sweep, timed,
+    Schedule, Stages, Study, StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, count,
+    paper_sizes, sweep, time_stages, timed,
 };
 
 /// The vector types of positions and transforms.

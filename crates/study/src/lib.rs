@@ -10,6 +10,7 @@ pub mod report;
 pub mod scene;
 mod stages;
 mod sweep;
+mod timing;
 
 pub use error::StudyError;
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
@@ -18,3 +19,4 @@ pub use report::{Detail, ModelInfo, ReportError, SweepReport, SweepRow};
 pub use scene::{ResolvedHandle, ResolvedScene, Scene, SceneError};
 pub use stages::{Stages, timed};
 pub use sweep::{PAPER_SCENE, SweepPlan, sweep};
+pub use timing::{Timing, TimingPlan, time_stages};

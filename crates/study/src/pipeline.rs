@@ -115,7 +115,7 @@ pub struct Study<'a> {
     pub shape: &'a TriMesh,
     /// What reports call it.
     pub model: String,
-    scene: ResolvedScene,
+    pub(crate) scene: ResolvedScene,
     /// Handle of each shape vertex, counted from 1; 0 for free ones.
     labels: Vec<u32>,
 }
@@ -130,7 +130,7 @@ pub struct Caged {
     pub simplified: Option<Simplified>,
     /// Time it took to make.
     pub simplify_ms: f64,
-    region: Region,
+    pub(crate) region: Region,
     warnings: Vec<String>,
 }
 
@@ -439,7 +439,7 @@ impl Schedule {
 }
 
 /// The middle value; the lower of two middle ones; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
 }

@@ -1,6 +1,7 @@
 //! Preparing an edit and solving it.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use glam::DVec3;
 use pliant_linalg::{Cholesky, LinalgError};
@@ -16,7 +17,7 @@ use super::steps::{
 };
 use super::{Acceleration, ArapOptions};
 use crate::error::HandleFault;
-use crate::{DeformError, Deformer, Goals, PrepareReport, Region, Role, SolveReport};
+use crate::{DeformError, Deformer, Goals, PrepareReport, Region, Role, SolveReport, StepTimes};
 
 /// Farthest goal, in diagonals of the rest shape: squares of it and their products must not overflow.
 const FARTHEST: f64 = 1e100;
@@ -50,6 +51,7 @@ struct Edit {
     /// In the frame, by slot.
     rest: Vec<DVec3>,
     scratch: Scratch,
+    times: StepTimes,
 }
 
 /// Arrays of one solve, kept so that the next one allocates nothing. All in the frame.
@@ -104,6 +106,7 @@ impl Arap {
     fn iterate(&mut self) -> Result<SolveReport, LinalgError> {
         let Self { options, shape, edit } = self;
         let mut report = SolveReport { unconstrained: edit.roles.unconstrained, ..SolveReport::default() };
+        edit.times = StepTimes::default();
         edit.guess()?;
         let rounding = ROUNDING_ENERGY * edit.terms.iter().flatten().map(|t| t.weight.abs()).sum::<f64>();
         let unit = shape.frame.energy_unit();
@@ -163,6 +166,10 @@ impl Deformer for Arap {
             factor_len: self.edit.factor.solve_len(),
         }
     }
+
+    fn step_times(&self) -> StepTimes {
+        self.edit.times
+    }
 }
 
 impl Edit {
@@ -188,7 +195,8 @@ impl Edit {
         let anderson = anderson(options, &roles);
         let is_accelerated = anderson.is_some();
         let region = region.clone();
-        let mut edit = Self { region, cells, roles, factor, anderson, terms: None, rest, scratch };
+        let times = StepTimes::default();
+        let mut edit = Self { region, cells, roles, factor, anderson, terms: None, rest, scratch, times };
         if options.tolerance.is_some() || is_accelerated {
             edit.prepare_energy(shape);
         }
@@ -319,14 +327,19 @@ impl Edit {
     }
 
     fn fit_rotations(&mut self) {
-        let Self { cells, roles, scratch, .. } = self;
+        let Self { cells, roles, scratch, times, .. } = self;
+        let start = Instant::now();
         fit_rotations(cells, roles, &scratch.pose, &mut scratch.rotations);
+        times.local += start.elapsed();
     }
 
     fn global_step(&mut self) -> Result<(), LinalgError> {
-        let Self { cells, roles, factor, scratch, .. } = self;
+        let Self { cells, roles, factor, scratch, times, .. } = self;
         let Scratch { pose, draws, rotations, rhs, .. } = scratch;
-        move_unknowns(cells, roles, factor, rotations, draws, pose, rhs)
+        let start = Instant::now();
+        let moved = move_unknowns(cells, roles, factor, rotations, draws, pose, rhs);
+        times.global += start.elapsed();
+        moved
     }
 
     /// Notes the global step just done, and goes where the steps so far seem to lead.
