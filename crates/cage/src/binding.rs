@@ -19,7 +19,7 @@ use crate::{BindReport, CageError, Simplified};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BindOptions {
-    /// Which weights are kept. Default: [`Prune::Smooth`] with 12 neighbours.
+    /// Which weights are kept. Default: [`Prune::Smooth`] with 16 neighbours.
     pub prune: Prune,
     /// Where [`Prune::Local`] and [`Prune::Smooth`] look for nearest cage vertices. Default: [`Support::Surface`].
     pub support: Support,
@@ -48,7 +48,7 @@ impl From<Prune> for BindOptions {
     }
 }
 
-/// The rule, and what differs from the settings that go with it: `smooth:12`, `local:24+space`, `magnitude:0.03+smoothing:24`.
+/// The rule, and what differs from the settings that go with it: `smooth:16`, `local:24+space`, `magnitude:0.03+smoothing:24`.
 impl fmt::Display for BindOptions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let usual = Self::from(self.prune);

@@ -20,12 +20,13 @@ pub enum Prune {
     /// The positive part of the mean value coordinates of the nearest cage vertices, fading out towards the first one left out,
     /// `max(c_j, 0) * (1 - d_j / d_(k+1))` with `d` the distances in space, in equal parts with the weights of
     /// [`Prune::Smooth`]; these take more where coordinates lie beyond the nearest vertices, and all at a cage vertex, so that
-    /// surfaces stay smooth across it. The default, with 24 neighbours.
+    /// surfaces stay smooth across it. 24 neighbours are usual.
     Local {
         /// Cage vertices per row, at least 1; a few more where some count in part only ([`Support::Surface`](crate::Support::Surface)).
         neighbours: usize,
     },
-    /// `(1 - d_j / d_(k+1))^2` over the nearest cage vertices, without coordinates: never unsafe, less exact on round shapes.
+    /// `(1 - d_j / d_(k+1))^2` over the nearest cage vertices, without coordinates: never unsafe, and made in a twentieth of the
+    /// time. The default, with 16 neighbours.
     Smooth {
         /// Cage vertices per row, at least 1; see [`Prune::Local`].
         neighbours: usize,
@@ -34,7 +35,7 @@ pub enum Prune {
 
 impl Default for Prune {
     fn default() -> Self {
-        Self::Smooth { neighbours: 12 }
+        Self::Smooth { neighbours: 16 }
     }
 }
 
@@ -67,7 +68,7 @@ impl fmt::Display for Prune {
     }
 }
 
-/// Reads `none`, `magnitude:0.03`, `magnitude:3%`, `local:24` or `smooth:12`; a rule without a number takes the one named here.
+/// Reads `none`, `magnitude:0.03`, `magnitude:3%`, `local:24` or `smooth:16`; a rule without a number takes the one named here.
 impl FromStr for Prune {
     type Err = CageError;
 
@@ -88,7 +89,7 @@ impl FromStr for Prune {
                 },
             }),
             "local" => Self::Local { neighbours: neighbours(24)? },
-            "smooth" => Self::Smooth { neighbours: neighbours(12)? },
+            "smooth" => Self::Smooth { neighbours: neighbours(16)? },
             _ => return Err(bad()),
         };
         prune.check()?;

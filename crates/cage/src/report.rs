@@ -74,7 +74,7 @@ impl BindReport {
         if self.unsafe_rows > 0 {
             warnings.push(format!(
                 "{} of {} rows are unsafe: their weights' magnitudes sum to up to {:.1}, so small moves of the cage are thrown far; \
-                 bind with the prune rule local:24 and propagate by frames instead",
+                 bind with the prune rule smooth:16 and propagate by frames instead",
                 self.unsafe_rows, self.rows, self.largest_magnitude
             ));
         }

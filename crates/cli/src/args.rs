@@ -104,7 +104,7 @@ pub(crate) struct EditOptions {
     pub(crate) propagation: Propagation,
     /// Which weights are kept: smooth:NEIGHBOURS, local:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03) or none; then
     /// +space (nearest in space, not along the surface) or +smoothing:N (neighbours each cage vertex is averaged over).
-    /// Default: smooth:12 with frames, magnitude:0.03 with positions, which need its precision.
+    /// Default: smooth:16 with frames, magnitude:0.03 with positions, which need its precision.
     #[arg(long)]
     pub(crate) prune: Option<BindOptions>,
     /// Iterations of the solver in each step: a number, or converged.
@@ -132,7 +132,7 @@ pub(crate) struct EditOptions {
 /// sqrt(mean(((l' - l) / l)^2)), `relative_rms` is sqrt(sum (l' - l)^2 / sum l^2).
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  pliant sweep bunny.obj --sizes 1%,2%,5%,10%,none -o out/bunny\n  pliant sweep armadillo.obj --preset paper -o out/paper\n  pliant sweep creature:20000 --prune magnitude:0.03,smooth:12 --propagation positions,frames --json"
+    after_help = "Examples:\n  pliant sweep bunny.obj --sizes 1%,2%,5%,10%,none -o out/bunny\n  pliant sweep armadillo.obj --preset paper -o out/paper\n  pliant sweep creature:20000 --prune magnitude:0.03,smooth:16 --propagation positions,frames --json"
 )]
 pub(crate) struct SweepOptions {
     /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.

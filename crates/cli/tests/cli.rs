@@ -152,6 +152,9 @@ fn refusals_name_the_culprit() {
         (vec!["edit", "creature:2000", "--prune", "local:0", "-o", &out], vec!["local:0", "neighbours"]),
         (vec!["cage", "creature:2000", "--size", "none", "-o", &out], vec!["none"]),
         (vec!["sweep", "creature:2000", "--iterations", "few"], vec!["few"]),
+        (vec!["bench", "creature:2000", "--cage", "none"], vec!["none", "bind"]),
+        (vec!["bench", "creature:2000", "--threads", "0"], vec!["threads"]),
+        (vec!["bench", "creature:2000", "--prune", "smooth:16+far"], vec!["far", "surface"]),
     ] {
         let error = refused(&arguments);
         for word in words {
@@ -159,6 +162,40 @@ fn refusals_name_the_culprit() {
         }
         assert!(!Path::new(&out).exists());
     }
+}
+
+/// All figures are there under their names, and fit each other.
+#[test]
+fn bench_times_every_stage() {
+    let keys = [
+        "vertices",
+        "cage_vertices",
+        "threads",
+        "read_ms",
+        "simplify_ms",
+        "bind_ms",
+        "prepare_ms",
+        "refactor_ms",
+        "drag_ms_median",
+        "drag_ms_p99",
+        "local_ms",
+        "solve_ms",
+        "propagate_ms",
+        "propagate_bytes",
+        "copy_ms",
+    ];
+    let figure = |timing: &Value, key: &str| timing[key].as_f64().unwrap_or_else(|| panic!("{key}: {timing}"));
+    let timing = json(&["bench", "creature:2000", "--cage", "10%", "--threads", "1", "--repeats", "1", "--json"]);
+    for key in keys {
+        assert!(figure(&timing, key) > 0.0, "{key}");
+    }
+    assert!(timing["bind_exact_ms"].is_null() && timing.get("peak_rss_bytes").is_some());
+    assert_eq!(figure(&timing, "threads"), 1.0);
+    assert!(figure(&timing, "drag_ms_p99") >= figure(&timing, "drag_ms_median"));
+    let exact = json(&["bench", "creature:2000", "--exact", "--threads", "2", "--repeats", "2", "--json"]);
+    assert!(figure(&exact, "bind_exact_ms") > 0.0);
+    assert_eq!(figure(&exact, "threads"), 2.0);
+    assert!(said(&["bench", "creature:2000", "--repeats", "1"]).contains("drag, median"));
 }
 
 #[test]
@@ -174,7 +211,7 @@ fn the_model_itself_is_never_written_over() {
 #[test]
 fn every_command_explains_itself() {
     assert!(said(&["--help"]).contains("pliant demo"));
-    for command in ["demo", "info", "cage", "edit", "sweep"] {
+    for command in ["demo", "info", "cage", "edit", "sweep", "bench"] {
         let help = said(&[command, "--help"]);
         assert!(help.contains("--json"), "{command}");
     }
