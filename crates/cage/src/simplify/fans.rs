@@ -108,10 +108,12 @@ impl Fans {
     }
 
     /// Reads both ends of a vertex's row (see `Simplifier::read_ahead`).
+    #[inline]
     pub(super) fn touch(&self, vertex: u32) -> u64 {
-        let row = self.row(vertex);
-        let ends = [row.first(), row.last()];
-        ends.into_iter().flatten().map(|wedge| u64::from(wedge.last)).sum()
+        match self.row(vertex) {
+            [first, .., last] => u64::from(first.last ^ last.last),
+            _ => 0,
+        }
     }
 
     /// Number of faces at a vertex.

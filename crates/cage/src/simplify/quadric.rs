@@ -38,6 +38,7 @@ impl Quadric {
     }
 
     /// Reads both ends (see `Simplifier::read_ahead`).
+    #[inline]
     pub(super) fn touch(&self) -> u64 {
         self.xx.to_bits() ^ self.c.to_bits()
     }

@@ -106,6 +106,7 @@ impl Queue {
     }
 
     /// Reads what is known of a vertex (see `Simplifier::read_ahead`).
+    #[inline]
     pub(super) fn touch(&self, vertex: u32) -> u64 {
         self.slots[vertex as usize].cost.to_bits()
     }
@@ -161,6 +162,8 @@ impl Queue {
 
     /// Files a vertex at what it costs.
     fn file(&mut self, vertex: u32, cost: f64) {
+        // Makes a negative zero positive: its bits would come last.
+        let cost = cost + 0.0;
         self.slots[vertex as usize] = Slot { cost, filed: cost };
         let entry = u128::from(cost.to_bits()) << 64 | u128::from(vertex);
         let bucket = bucket_of(cost);
@@ -177,7 +180,7 @@ mod tests {
     use super::*;
 
     /// Some in one bucket, some at its ends, some far apart.
-    const COSTS: [f64; 10] = [0.0, 1e-310, 1e-20, 1.0, 1.01, 1.03, 1.0624, 1.0625, 7.0, f64::INFINITY];
+    const COSTS: [f64; 10] = [-0.0, 1e-310, 1e-20, 1.0, 1.01, 1.03, 1.0624, 1.0625, 7.0, f64::INFINITY];
 
     /// Random sets, changes and pops against a list searched from end to end.
     #[test]
