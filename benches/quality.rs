@@ -48,6 +48,9 @@ const BINDINGS: [&str; 9] = [
     "magnitude:0.03",
 ];
 
+/// The binding that every method is tried with.
+const DEFAULT: &str = "smooth:16";
+
 /// Added to an error (root mean square; five times this to a percentile) before ratios are taken.
 const FLOOR: f64 = 1e-3;
 
@@ -185,24 +188,26 @@ fn measure(name: &str, shape: &TriMesh, scene: &Scene, sizes: &[f64], table: &mu
     ];
     let none = study.cage(SweepSize::None, &Silent)?;
     let own = study.bind(&none, BindOptions::default(), &Silent)?;
-    for (schedule_name, schedule) in schedules {
+    let mut direct = Vec::new();
+    for (_, schedule) in schedules {
         let dragged = study.drag(&none, &Method::default(), schedule, &Silent)?;
-        let (_, direct) = study.carry(&none, &own, &dragged, Propagation::Positions, &Silent);
-        for &size in sizes {
-            let caged = study.cage(SweepSize::Cage(CageSize::Fraction(size)), &Silent)?;
+        direct.push(study.carry(&none, &own, &dragged, Propagation::Positions, &Silent).1);
+    }
+    for &size in sizes {
+        let caged = study.cage(SweepSize::Cage(CageSize::Fraction(size)), &Silent)?;
+        let mut bound = Vec::new();
+        for binding in BINDINGS {
+            bound.push((binding, study.bind(&caged, binding.parse::<BindOptions>()?, &Silent)?));
+        }
+        for ((schedule_name, schedule), direct) in schedules.iter().zip(&direct) {
             for (method_name, method) in methods() {
-                let dragged = study.drag(&caged, &method, schedule, &Silent)?;
+                let dragged = study.drag(&caged, &method, *schedule, &Silent)?;
+                let is_default = method == Method::default();
                 // Every binding with the default method, the default binding with every method.
-                let bindings = if method == Method::default() { &BINDINGS[..] } else { &BINDINGS[2..3] };
-                for binding in bindings {
-                    let bound = study.bind(&caged, binding.parse::<BindOptions>()?, &Silent)?;
-                    let (_, row) = study.carry(&caged, &bound, &dragged, Propagation::Frames, &Silent);
-                    let what = if method == Method::default() {
-                        (*binding).to_owned()
-                    } else {
-                        format!("smooth:16, {method_name}")
-                    };
-                    let key = (schedule_name.to_owned(), format!("{:>2.0} %", 1e2 * size), what);
+                for (binding, bound) in bound.iter().filter(|b| is_default || b.0 == DEFAULT) {
+                    let (_, row) = study.carry(&caged, bound, &dragged, Propagation::Frames, &Silent);
+                    let what = if is_default { (*binding).to_owned() } else { format!("{DEFAULT}, {method_name}") };
+                    let key = ((*schedule_name).to_owned(), format!("{:>2.0} %", 1e2 * size), what);
                     table.0.entry(key).or_default().push([
                         (row.rms_relative + FLOOR) / (direct.rms_relative + FLOOR),
                         (row.edge_p99 + 5.0 * FLOOR) / (direct.edge_p99 + 5.0 * FLOOR),
