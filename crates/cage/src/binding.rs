@@ -15,11 +15,14 @@ use crate::{BindReport, CageError};
 pub struct BindOptions {
     /// Which weights are kept. Default: [`Prune::Local`] with 24 neighbours.
     pub prune: Prune,
+    /// Whether [`Prune::Magnitude`] looks at every cage face for every shape vertex, to make its cuts without error bounds. Default: no.
+    #[serde(default)]
+    pub exact: bool,
 }
 
 impl From<Prune> for BindOptions {
     fn from(prune: Prune) -> Self {
-        Self { prune }
+        Self { prune, ..Self::default() }
     }
 }
 
@@ -66,7 +69,7 @@ impl Binding {
         if options.prune == Prune::None {
             check_entries(shape.vertex_count().saturating_mul(cage.vertex_count()))?;
         }
-        let maker = RowMaker::new(cage, options.prune);
+        let maker = RowMaker::new(cage, options);
         let done = AtomicUsize::new(0);
         let total = shape.vertex_count();
         let chunks: Vec<Chunk> = shape
@@ -79,6 +82,7 @@ impl Binding {
                         return Err(CageError::Cancelled { what: "binding" });
                     }
                     let chunk = Chunk::make(&maker, points, scratch);
+                    STATS.lock().unwrap().push(std::mem::take(&mut scratch.far_field.stats));
                     let before = done.fetch_add(points.len(), Ordering::Relaxed);
                     // About a hundred reports in all.
                     let hundredth = (total / 100).max(1);
@@ -196,3 +200,5 @@ impl Chunk {
         chunk
     }
 }
+
+pub static STATS: std::sync::Mutex<Vec<crate::far_field::Stats>> = std::sync::Mutex::new(Vec::new());

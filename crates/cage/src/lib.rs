@@ -7,6 +7,7 @@
 
 mod binding;
 mod error;
+mod far_field;
 mod mean_value;
 mod propagate;
 mod prune;
@@ -21,3 +22,4 @@ pub use propagate::{Propagation, Propagator};
 pub use prune::Prune;
 pub use report::{BindReport, UNSAFE_MAGNITUDE};
 pub use simplify::{CageSize, Simplified, SimplifyOptions, SimplifyReport, simplify};
+pub mod temp { pub use crate::far_field::{Stats, TUNE, calibrate}; pub use crate::binding::STATS; }

@@ -68,6 +68,17 @@ impl MeanValue {
         &self.positions
     }
 
+    /// Unit normals of the faces; zero where a face has no area.
+    pub(crate) fn normals(&self) -> &[DVec3] {
+        &self.normals
+    }
+
+    /// Corners of a face in the normal frame.
+    #[inline(always)]
+    pub(crate) fn corners(&self, face: usize) -> [DVec3; 3] {
+        self.faces[face].map(|v| self.positions[v as usize])
+    }
+
     /// Writes the coordinates of `point` (model space) with respect to every cage vertex to `row`; they sum to 1.
     ///
     /// At a cage vertex this is 1 for that vertex; on a face, its barycentric coordinates. Inside and outside alike
@@ -131,19 +142,17 @@ impl MeanValue {
 
     /// What `face` gives to a point of the normal frame.
     pub(crate) fn face_weights(&self, x: DVec3, face: usize) -> FaceWeights {
-        let corners = self.faces[face].map(|v| self.positions[v as usize]);
+        let corners = self.corners(face);
         let v = corners.map(|p| p - x);
         let normal = self.normals[face];
         if normal == DVec3::ZERO {
             // A segment: nothing lies between its corners' directions, its mean vector vanishes.
             return FaceWeights::Weights([0.0; 3]);
         }
-        let height = v[0].dot(normal);
-        let nearest_corner = v[0].length_squared().min(v[1].length_squared()).min(v[2].length_squared()).sqrt();
-        // The distance to the face is at most that to a corner, so most faces are dealt with here.
-        if height.abs() > (EDGE_ON * nearest_corner).max(ON_FACE) {
+        if is_plain(&v, normal) {
             return FaceWeights::Weights(vector_weights(v));
         }
+        let height = v[0].dot(normal);
         let nearest = closest_on_triangle(x, corners);
         let distance = nearest.distance(x);
         if distance <= ON_FACE {
@@ -159,6 +168,14 @@ impl MeanValue {
         let weights = vector_weights(v.map(|p| p + normal * (raised - height)));
         FaceWeights::Weights(weights.map(|w| w * (height / raised)))
     }
+}
+
+/// Whether a face, with corners `v` from the point, is neither near nor seen edge-on, so that the plain formula holds. The
+/// distance to the face is at most that to a corner, which deals with most faces.
+#[inline(always)]
+pub(crate) fn is_plain(v: &[DVec3; 3], normal: DVec3) -> bool {
+    let nearest_corner = v[0].length_squared().min(v[1].length_squared()).min(v[2].length_squared()).sqrt();
+    v[0].dot(normal).abs() > (EDGE_ON * nearest_corner).max(ON_FACE)
 }
 
 /// The cage as seen from one point: what faces share.

@@ -7,6 +7,8 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use pliant_mesh::metrics::FaceTree;
 use pliant_mesh::{Topology, TriMesh};
 
+use crate::binding::BindOptions;
+use crate::far_field::{self, FarField};
 use crate::mean_value::{Corners, FaceWeights, MeanValue};
 use crate::prune::{Prune, drop_smallest};
 
@@ -19,12 +21,15 @@ pub(crate) struct RowMaker<'a> {
     vertices: Option<ImmutableKdTree<f64, 3>>,
     /// Cage faces in the same frame, for the local rule.
     faces: Option<FaceTree>,
+    /// For the magnitude rule, unless it is to be exact.
+    far_field: Option<FarField>,
 }
 
 /// A thread's own working memory.
 pub(crate) struct Scratch {
     dense: Vec<f64>,
     corners: Corners,
+    pub(crate) far_field: far_field::Scratch,
     weights: Vec<f64>,
     /// The row made last: (cage vertex, weight), summing to 1, increasing by vertex.
     pub(crate) row: Vec<(u32, f64)>,
@@ -48,15 +53,21 @@ pub(crate) struct RowFacts {
 /// A kept row whose weights sum to less than this share of their magnitudes cannot be scaled to sum 1.
 const CANCELLED: f64 = 1e-9;
 
+/// Below this share nearly every cage vertex may be kept, and groups gain nothing.
+const LEAST_SHARE: f64 = 1e-4;
+
 /// Neighbours for rows that have to be replaced under a rule that has no number of its own.
 const REPLACEMENT_NEIGHBOURS: usize = 24;
 
 impl<'a> RowMaker<'a> {
-    pub(crate) fn new(cage: &'a TriMesh, prune: Prune) -> Self {
+    pub(crate) fn new(cage: &'a TriMesh, options: &BindOptions) -> Self {
+        let prune = options.prune;
         let coordinates = MeanValue::new(cage);
         let points: Vec<[f64; 3]> = coordinates.positions().iter().map(DVec3::to_array).collect();
         let local = matches!(prune, Prune::Local { .. });
+        let grouped = matches!(prune, Prune::Magnitude(share) if share >= LEAST_SHARE) && !options.exact;
         Self {
+            far_field: grouped.then(|| FarField::new(&coordinates, cage.topology())),
             vertices: ImmutableKdTree::new_from_slice(&points).ok(),
             faces: local.then(|| FaceTree::new(coordinates.positions(), cage.triangles())),
             coordinates,
@@ -67,10 +78,10 @@ impl<'a> RowMaker<'a> {
 
     pub(crate) fn scratch(&self) -> Scratch {
         let vertices = self.cage.vertex_count();
-        let dense = matches!(self.prune, Prune::None | Prune::Magnitude(_));
         Scratch {
-            dense: vec![0.0; if dense { vertices } else { 0 }],
+            dense: Vec::new(),
             corners: Corners::default(),
+            far_field: far_field::Scratch::default(),
             weights: Vec::new(),
             row: Vec::new(),
             seen: vec![0; self.cage.triangles().len()],
@@ -102,6 +113,14 @@ impl<'a> RowMaker<'a> {
 
     /// All mean value coordinates less the smallest.
     fn mean_value(&self, point: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
+        if let (Some(field), Some(vertices)) = (&self.far_field, &self.vertices) {
+            let x = self.coordinates.to_frame(point);
+            let nearest = vertices.query(&x.to_array()).nearest_one::<SquaredEuclidean<f64>>().execute().item;
+            if field.row(&self.coordinates, self.cage, x, nearest, share, &mut scratch.far_field, &mut scratch.row) {
+                return normalise(&mut scratch.row);
+            }
+        }
+        scratch.dense.resize(self.cage.vertex_count(), 0.0);
         if !self.coordinates.coordinates_with(point, &mut scratch.dense, &mut scratch.corners) {
             return false;
         }
