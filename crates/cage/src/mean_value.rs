@@ -15,10 +15,10 @@ use pliant_mesh::{Topology, TriMesh, face_normals};
 
 /// A point nearer to a face than this share of the cage's diagonal takes the barycentric coordinates of the nearest
 /// point on that face: the limit of mean value coordinates (Ju et al., Section 3.3), on edges and at vertices too.
-const ON_FACE: f64 = 1e-13;
+pub(crate) const ON_FACE: f64 = 1e-13;
 
 /// Height over a face's plane, as a share of the distance to the face, below which the face is seen edge-on.
-const EDGE_ON: f64 = 1e-4;
+pub(crate) const EDGE_ON: f64 = 1e-4;
 
 /// What one face gives to the coordinates of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,7 +76,8 @@ impl MeanValue {
     /// Corners of a face in the normal frame.
     #[inline(always)]
     pub(crate) fn corners(&self, face: usize) -> [DVec3; 3] {
-        self.faces[face].map(|v| self.positions[v as usize])
+        let [a, b, c] = self.faces[face];
+        [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
     /// Writes the coordinates of `point` (model space) with respect to every cage vertex to `row`; they sum to 1.
@@ -149,10 +150,12 @@ impl MeanValue {
             // A segment: nothing lies between its corners' directions, its mean vector vanishes.
             return FaceWeights::Weights([0.0; 3]);
         }
-        if is_plain(&v, normal) {
+        let height = v[0].dot(normal);
+        let nearest_corner = v[0].length_squared().min(v[1].length_squared()).min(v[2].length_squared()).sqrt();
+        // The distance to the face is at most that to a corner, so most faces are dealt with here.
+        if height.abs() > (EDGE_ON * nearest_corner).max(ON_FACE) {
             return FaceWeights::Weights(vector_weights(v));
         }
-        let height = v[0].dot(normal);
         let nearest = closest_on_triangle(x, corners);
         let distance = nearest.distance(x);
         if distance <= ON_FACE {
@@ -168,14 +171,6 @@ impl MeanValue {
         let weights = vector_weights(v.map(|p| p + normal * (raised - height)));
         FaceWeights::Weights(weights.map(|w| w * (height / raised)))
     }
-}
-
-/// Whether a face, with corners `v` from the point, is neither near nor seen edge-on, so that the plain formula holds. The
-/// distance to the face is at most that to a corner, which deals with most faces.
-#[inline(always)]
-pub(crate) fn is_plain(v: &[DVec3; 3], normal: DVec3) -> bool {
-    let nearest_corner = v[0].length_squared().min(v[1].length_squared()).min(v[2].length_squared()).sqrt();
-    v[0].dot(normal).abs() > (EDGE_ON * nearest_corner).max(ON_FACE)
 }
 
 /// The cage as seen from one point: what faces share.

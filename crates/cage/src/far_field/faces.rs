@@ -1,103 +1,111 @@
-//! Exact weights of many faces, four at a time.
+//! Exact weights of many faces at once.
 
 use glam::DVec3;
+use pulp::Simd;
 
-use super::lanes::Lanes;
-use crate::mean_value::{FaceWeights, MeanValue, is_plain};
+use super::lanes::Doubles;
+use crate::mean_value::{EDGE_ON, FaceWeights, MeanValue, ON_FACE};
 
-/// Faces looked at together.
-const WIDTH: usize = 4;
+/// Faces are padded to a multiple of this, which is one of every register's lanes.
+const WIDTH: usize = 8;
 
-type Four = Lanes<f64, WIDTH>;
-type Vectors = [Four; 3];
-
-/// Corners of four faces from a point.
-#[derive(Clone, Copy)]
-struct Batch {
-    corners: [Vectors; 3],
+/// Corners and normals of faces from a point, as structure of arrays, and what they give to their corners.
+#[derive(Debug, Default)]
+pub(super) struct Faces {
+    /// x, y, z of the corners, one after the other, and of the normal.
+    coordinates: [Vec<f64>; 12],
+    weights: [Vec<f64>; 3],
+    /// How much too flat the face is seen for the plain formula: above 0, it needs a closer look.
+    flat: Vec<f64>,
 }
 
-/// Calls `add` with each face and the unnormalised weights of its corners; if the point lies on one of them, returns that
-/// face and its barycentric coordinates instead.
-#[inline(always)]
-pub(super) fn weigh_faces(
-    cage: &MeanValue,
-    x: DVec3,
-    faces: &[u32],
-    mut add: impl FnMut(u32, [f64; 3]),
-) -> Option<(u32, [f64; 3])> {
-    let mut batch = Batch { corners: [[Four::all(1.0); 3]; 3] };
-    let (mut members, mut filled) = ([0; WIDTH], 0);
-    for &face in faces {
-        let v = cage.corners(face as usize).map(|p| p - x);
-        if !is_plain(&v, cage.normals()[face as usize]) {
+impl Faces {
+    /// Calls `add` with each face and the unnormalised weights of its corners; if the point lies on one of them, returns
+    /// that face and its barycentric coordinates instead.
+    #[inline(always)]
+    pub(super) fn weigh<S: Simd>(
+        &mut self,
+        simd: S,
+        cage: &MeanValue,
+        x: DVec3,
+        faces: &[u32],
+        mut add: impl FnMut(u32, [f64; 3]),
+    ) -> Option<(u32, [f64; 3])> {
+        let padded = faces.len().next_multiple_of(WIDTH);
+        if self.flat.len() < padded {
+            self.coordinates.iter_mut().for_each(|lanes| lanes.resize(padded, 1.0));
+            self.weights.iter_mut().for_each(|lanes| lanes.resize(padded, 0.0));
+            self.flat.resize(padded, 0.0);
+        }
+        let [ax, ay, az, bx, by, bz, cx, cy, cz, nx, ny, nz] = self.coordinates.each_mut().map(|l| &mut l[..padded]);
+        for (k, &face) in faces.iter().enumerate() {
+            let [a, b, c] = cage.corners(face as usize);
+            let n = cage.normals()[face as usize];
+            (ax[k], ay[k], az[k]) = (a.x - x.x, a.y - x.y, a.z - x.z);
+            (bx[k], by[k], bz[k]) = (b.x - x.x, b.y - x.y, b.z - x.z);
+            (cx[k], cy[k], cz[k]) = (c.x - x.x, c.y - x.y, c.z - x.z);
+            (nx[k], ny[k], nz[k]) = (n.x, n.y, n.z);
+        }
+        for at in 0..padded / Doubles::<S>::COUNT {
+            self.weigh_register(simd, at);
+        }
+        for (k, &face) in faces.iter().enumerate() {
+            if self.flat[k] < 0.0 {
+                add(face, [self.weights[0][k], self.weights[1][k], self.weights[2][k]]);
+                continue;
+            }
             match cage.face_weights(x, face as usize) {
                 FaceWeights::On(barycentric) => return Some((face, barycentric)),
                 FaceWeights::Weights(weights) => add(face, weights),
             }
-            continue;
         }
-        members[filled] = face;
-        for (corner, p) in batch.corners.iter_mut().zip(v) {
-            corner[0].0[filled] = p.x;
-            corner[1].0[filled] = p.y;
-            corner[2].0[filled] = p.z;
-        }
-        filled += 1;
-        if filled == WIDTH {
-            let weights = batch.weights();
-            for k in 0..WIDTH {
-                add(members[k], weights.map(|w| w.0[k]));
-            }
-            filled = 0;
-        }
+        None
     }
-    // Lanes left over hold older faces; what they give is not used.
-    if filled > 0 {
-        let weights = batch.weights();
-        for k in 0..filled {
-            add(members[k], weights.map(|w| w.0[k]));
-        }
-    }
-    None
-}
 
-impl Batch {
-    /// `w_k = (n_k . m) / (n_k . v_k)` as for a single face.
+    /// `w_k = (n_k . m) / (n_k . v_k)` as for a single face; lanes beyond the last face hold older ones.
     #[inline(always)]
-    fn weights(&self) -> [Four; 3] {
-        let v = &self.corners;
-        let zero = Four::all(0.0);
+    fn weigh_register<S: Simd>(&mut self, simd: S, at: usize) {
+        let all = |number| Doubles::all(simd, number);
+        let load = |k: usize| Doubles::load(simd, &self.coordinates[k][..], at);
+        let three = |k: usize| [load(k), load(k + 1), load(k + 2)];
+        let (v, normal) = ([three(0), three(3), three(6)], three(9));
+        let zero = all(0.0);
+        let nearest = dot(&v[0], &v[0]).min(dot(&v[1], &v[1])).min(dot(&v[2], &v[2])).sqrt();
+        let height = dot(&v[0], &normal).abs();
+        ((all(EDGE_ON) * nearest).max(all(ON_FACE)) - height).store(&mut self.flat, at);
         let crosses = [cross(&v[1], &v[2]), cross(&v[2], &v[0]), cross(&v[0], &v[1])];
         let dots = [dot(&v[1], &v[2]), dot(&v[2], &v[0]), dot(&v[0], &v[1])];
         let mut mean = [zero; 3];
-        for (c, d) in crosses.iter().zip(dots) {
-            let sine = dot(c, c).sqrt();
-            let half = Four::all(0.5) * angle(sine, d) / sine;
-            let half = sine.choose(zero, |a, b| a > b, half, zero);
-            for (m, c) in mean.iter_mut().zip(c) {
-                *m = *m + half * *c;
+        for k in 0..3 {
+            let sine = dot(&crosses[k], &crosses[k]).sqrt();
+            let half = all(0.5) * angle(simd, sine, dots[k]) / sine;
+            let half = zero.if_below(sine, half, zero);
+            for axis in 0..3 {
+                mean[axis] = mean[axis] + half * crosses[k][axis];
             }
         }
         let determinant = dot(&v[0], &crosses[0]);
-        crosses.map(|c| determinant.choose(zero, |a, b| a == b, zero, dot(&c, &mean) / determinant))
+        for k in 0..3 {
+            let weight = dot(&crosses[k], &mean) / determinant;
+            zero.if_below(determinant.abs(), weight, zero).store(&mut self.weights[k], at);
+        }
     }
 }
 
 #[inline(always)]
-fn cross(a: &Vectors, b: &Vectors) -> Vectors {
+fn cross<S: Simd>(a: &[Doubles<S>; 3], b: &[Doubles<S>; 3]) -> [Doubles<S>; 3] {
     [a[1] * b[2] - b[1] * a[2], a[2] * b[0] - b[2] * a[0], a[0] * b[1] - b[0] * a[1]]
 }
 
 #[inline(always)]
-fn dot(a: &Vectors, b: &Vectors) -> Four {
+fn dot<S: Simd>(a: &[Doubles<S>; 3], b: &[Doubles<S>; 3]) -> Doubles<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// `atan2(sine, cosine)` for `sine > 0`, up to 4e-16 of it: the rational approximation of the Cephes library (Moshier 1984, `atan`)
 /// without branches.
 #[inline(always)]
-fn angle(sine: Four, cosine: Four) -> Four {
+fn angle<S: Simd>(simd: S, sine: Doubles<S>, cosine: Doubles<S>) -> Doubles<S> {
     const P: [f64; 5] = [
         -8.750_608_600_031_904_122_785e-1,
         -1.615_753_718_733_365_076_637e1,
@@ -112,23 +120,24 @@ fn angle(sine: Four, cosine: Four) -> Four {
         4.853_903_996_359_136_964_868e2,
         1.945_506_571_482_613_964_425e2,
     ];
-    let less = |a: f64, b: f64| a < b;
-    let all = Four::all;
+    let all = |number| Doubles::all(simd, number);
     let size = cosine.abs();
-    let small = sine.choose(size, less, sine, size);
-    let large = sine.choose(size, less, size, sine);
+    let (small, large) = (sine.min(size), sine.max(size));
     // Beyond 0.66 the tangent of the difference to an eighth turn is used.
     let steep = all(0.66) * large;
-    let up = steep.choose(small, less, small - large, small);
-    let down = steep.choose(small, less, small + large, large);
-    let base = steep.choose(small, less, all(std::f64::consts::FRAC_PI_4), all(0.0));
+    let up = steep.if_below(small, small - large, small);
+    let down = steep.if_below(small, small + large, large);
+    let base = steep.if_below(small, all(std::f64::consts::FRAC_PI_4), all(0.0));
     let t = up / down;
     let z = t * t;
-    let p = P.into_iter().fold(all(0.0), |sum, c| sum * z + all(c)) * z;
-    let q = Q.into_iter().fold(all(1.0), |sum, c| sum * z + all(c));
-    let eighth = base + (t + t * (p / q));
-    let quarter = size.choose(sine, less, all(std::f64::consts::FRAC_PI_2) - eighth, eighth);
-    cosine.choose(all(0.0), less, all(std::f64::consts::PI) - quarter, quarter)
+    let (mut p, mut q) = (all(P[0]), z + all(Q[0]));
+    for k in 1..5 {
+        p = p * z + all(P[k]);
+        q = q * z + all(Q[k]);
+    }
+    let eighth = base + (t + t * (z * p / q));
+    let quarter = size.if_below(sine, all(std::f64::consts::FRAC_PI_2) - eighth, eighth);
+    cosine.if_below(all(0.0), all(std::f64::consts::PI) - quarter, quarter)
 }
 
 #[cfg(test)]
@@ -137,13 +146,18 @@ mod tests {
 
     #[test]
     fn angles_are_those_of_atan2() {
-        let one = |sine, cosine| angle(Four::all(sine), Four::all(cosine)).0[0];
+        let one = |sine: f64, cosine: f64| {
+            let mut result = [0.0];
+            let lanes = |number| Doubles::all(pulp::Scalar, number);
+            angle(pulp::Scalar, lanes(sine), lanes(cosine)).store(&mut result, 0);
+            result[0]
+        };
         for i in 1..20_000 {
             let turn = f64::from(i) / 20_000.0 * std::f64::consts::PI;
             for size in [1e-9, 1.0, 3e7] {
                 let (sine, cosine) = (size * turn.sin(), size * turn.cos());
                 let error = (one(sine, cosine) - sine.atan2(cosine)).abs();
-                assert!(error <= 4e-16 * turn.max(1e-300) + 2e-16 * turn, "{turn}: {error:e}");
+                assert!(error <= 4e-16 * turn, "{turn}: {error:e}");
             }
         }
         for tiny in [1e-300, 1e-30, 1e-12] {

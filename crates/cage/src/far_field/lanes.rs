@@ -1,109 +1,115 @@
-//! Numbers side by side, one operation at a time: what the compiler turns into a vector instruction each.
+//! As many numbers side by side as a vector register holds, with the operators of one number.
+//!
+//! Nothing is fused and no operation is approximate, so every lane has the bits that a single number would have, with any
+//! instruction set.
 
 use std::ops::{Add, Div, Mul, Sub};
 
-/// `N` numbers. Never fused: the same bits with every instruction set.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[repr(align(32))]
-pub(super) struct Lanes<T, const N: usize>(pub(super) [T; N]);
+use pulp::{Simd, bytemuck};
 
-impl<T: Copy, const N: usize> Lanes<T, N> {
-    /// The same number in every lane.
-    #[inline(always)]
-    pub(super) fn all(value: T) -> Self {
-        Self([value; N])
-    }
-
-    /// `f` of each lane.
-    #[inline(always)]
-    pub(super) fn map(mut self, f: impl Fn(T) -> T) -> Self {
-        for k in 0..N {
-            self.0[k] = f(self.0[k]);
+macro_rules! lanes {
+    ($name:ident, $number:ty, $register:ident, $lanes:ident, $all:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
+     $min:ident, $max:ident, $abs:ident, $sqrt:ident, $less:ident, $select:ident) => {
+        /// Lanes of one register.
+        #[derive(Clone, Copy)]
+        pub(super) struct $name<S: Simd> {
+            simd: S,
+            value: S::$register,
         }
-        self
-    }
 
-    /// `f` of each pair of lanes.
-    #[inline(always)]
-    pub(super) fn with(mut self, other: Self, f: impl Fn(T, T) -> T) -> Self {
-        for k in 0..N {
-            self.0[k] = f(self.0[k], other.0[k]);
+        impl<S: Simd> $name<S> {
+            /// Numbers in a register.
+            pub(super) const COUNT: usize = S::$lanes;
+
+            /// The same number in every lane.
+            #[inline(always)]
+            pub(super) fn all(simd: S, number: $number) -> Self {
+                Self { simd, value: simd.$all(number) }
+            }
+
+            /// Register `at` of `numbers`, whose length is a multiple of [`Self::COUNT`].
+            #[inline(always)]
+            pub(super) fn load(simd: S, numbers: &[$number], at: usize) -> Self {
+                Self { simd, value: bytemuck::cast_slice(numbers)[at] }
+            }
+
+            /// Puts the lanes where [`Self::load`] would take them from.
+            #[inline(always)]
+            pub(super) fn store(self, numbers: &mut [$number], at: usize) {
+                bytemuck::cast_slice_mut(numbers)[at] = self.value;
+            }
+
+            #[inline(always)]
+            pub(super) fn min(self, other: Self) -> Self {
+                Self { value: self.simd.$min(self.value, other.value), ..self }
+            }
+
+            #[inline(always)]
+            pub(super) fn max(self, other: Self) -> Self {
+                Self { value: self.simd.$max(self.value, other.value), ..self }
+            }
+
+            #[inline(always)]
+            pub(super) fn abs(self) -> Self {
+                Self { value: self.simd.$abs(self.value), ..self }
+            }
+
+            #[inline(always)]
+            pub(super) fn sqrt(self) -> Self {
+                Self { value: self.simd.$sqrt(self.value), ..self }
+            }
+
+            /// `yes` where this is less than `limit`, else `no`.
+            #[inline(always)]
+            pub(super) fn if_below(self, limit: Self, yes: Self, no: Self) -> Self {
+                let mask = self.simd.$less(self.value, limit.value);
+                Self { value: self.simd.$select(mask, yes.value, no.value), ..self }
+            }
         }
-        self
-    }
 
-    /// `yes` where `test` of the lanes holds, else `no`.
-    #[inline(always)]
-    pub(super) fn choose(self, other: Self, test: impl Fn(T, T) -> bool, yes: Self, mut no: Self) -> Self {
-        for k in 0..N {
-            no.0[k] = if test(self.0[k], other.0[k]) { yes.0[k] } else { no.0[k] };
+        impl<S: Simd> Add for $name<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                Self { value: self.simd.$add(self.value, other.value), ..self }
+            }
         }
-        no
-    }
+
+        impl<S: Simd> Sub for $name<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                Self { value: self.simd.$sub(self.value, other.value), ..self }
+            }
+        }
+
+        impl<S: Simd> Mul for $name<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                Self { value: self.simd.$mul(self.value, other.value), ..self }
+            }
+        }
+
+        impl<S: Simd> Div for $name<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                Self { value: self.simd.$div(self.value, other.value), ..self }
+            }
+        }
+    };
 }
 
-impl<const N: usize> Lanes<f32, N> {
-    #[inline(always)]
-    pub(super) fn sqrt(self) -> Self {
-        self.map(f32::sqrt)
-    }
-
-    #[inline(always)]
-    pub(super) fn abs(self) -> Self {
-        self.map(f32::abs)
-    }
-}
-
-impl<const N: usize> Lanes<f64, N> {
-    #[inline(always)]
-    pub(super) fn sqrt(self) -> Self {
-        self.map(f64::sqrt)
-    }
-
-    #[inline(always)]
-    pub(super) fn abs(self) -> Self {
-        self.map(f64::abs)
-    }
-}
-
-impl<T: Copy + Default, const N: usize> Default for Lanes<T, N> {
-    fn default() -> Self {
-        Self([T::default(); N])
-    }
-}
-
-impl<T: Copy + Add<Output = T>, const N: usize> Add for Lanes<T, N> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.with(other, |a, b| a + b)
-    }
-}
-
-impl<T: Copy + Sub<Output = T>, const N: usize> Sub for Lanes<T, N> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.with(other, |a, b| a - b)
-    }
-}
-
-impl<T: Copy + Mul<Output = T>, const N: usize> Mul for Lanes<T, N> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.with(other, |a, b| a * b)
-    }
-}
-
-impl<T: Copy + Div<Output = T>, const N: usize> Div for Lanes<T, N> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        self.with(other, |a, b| a / b)
-    }
-}
+lanes!(
+    Singles, f32, f32s, F32_LANES, splat_f32s, add_f32s, sub_f32s, mul_f32s, div_f32s, min_f32s, max_f32s, abs_f32s,
+    sqrt_f32s, less_than_f32s, select_f32s
+);
+lanes!(
+    Doubles, f64, f64s, F64_LANES, splat_f64s, add_f64s, sub_f64s, mul_f64s, div_f64s, min_f64s, max_f64s, abs_f64s,
+    sqrt_f64s, less_than_f64s, select_f64s
+);

@@ -80,8 +80,9 @@ pub(super) struct Moments {
     pub(super) area: f64,
     /// Largest such area of one vertex.
     pub(super) largest: f64,
-    /// Sum of magnitude times cubed distance from the centre.
-    pub(super) third: f64,
+    /// Sums of magnitude times squared and cubed distance from the centre.
+    pub(super) square: f64,
+    pub(super) cube: f64,
     /// All faces lie within this of the centre.
     pub(super) radius: f64,
     /// Unit axis of a cone that holds all normals, and its half angle: `PI` where there is none narrower than a half-space.
@@ -146,7 +147,8 @@ impl Moments {
         for (sum, term) in self.second.iter_mut().zip(second) {
             *sum += 12.0 * term;
         }
-        self.third += dipole.area * d.length_squared() * d.length();
+        self.square += dipole.area * d.length_squared();
+        self.cube += dipole.area * d.length_squared() * d.length();
     }
 
     fn bound(&mut self, surface: &Surface<'_>, vertices: &[u32]) {
