@@ -64,12 +64,12 @@ impl<'a> RowMaker<'a> {
         let prune = options.prune;
         let coordinates = MeanValue::new(cage);
         let points: Vec<[f64; 3]> = coordinates.positions().iter().map(DVec3::to_array).collect();
-        let local = matches!(prune, Prune::Local { .. });
         let grouped = matches!(prune, Prune::Magnitude(share) if share >= LEAST_SHARE) && !options.exact;
+        let local = matches!(prune, Prune::Local { .. });
         Self {
             far_field: grouped.then(|| FarField::new(&coordinates, cage.topology())),
             vertices: ImmutableKdTree::new_from_slice(&points).ok(),
-            faces: local.then(|| FaceTree::new(coordinates.positions(), cage.triangles())),
+            faces: (local || grouped).then(|| FaceTree::new(coordinates.positions(), cage.triangles())),
             coordinates,
             cage: cage.topology(),
             prune,
@@ -113,9 +113,9 @@ impl<'a> RowMaker<'a> {
 
     /// All mean value coordinates less the smallest.
     fn mean_value(&self, point: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
-        if let (Some(field), Some(vertices)) = (&self.far_field, &self.vertices) {
+        if let (Some(field), Some(faces)) = (&self.far_field, &self.faces) {
             let x = self.coordinates.to_frame(point);
-            let nearest = vertices.query(&x.to_array()).nearest_one::<SquaredEuclidean<f64>>().execute().item;
+            let nearest = faces.nearest(x).map_or(0, |f| f.0);
             if field.row(&self.coordinates, self.cage, x, nearest, share, &mut scratch.far_field, &mut scratch.row) {
                 return normalise(&mut scratch.row);
             }

@@ -62,7 +62,7 @@ pub struct Stats {
     pub listed: usize,
     pub grouped: usize,
     pub kept: usize,
-    pub brief: f64, pub t: [u64; 4],
+    pub brief: f64, pub t: [u64; 4], pub h: [usize; 12], pub hf: [usize; 12], pub hp: [usize; 12],
     pub exact: usize,
     pub ambiguous: usize,
     pub tau: usize,
@@ -181,14 +181,14 @@ impl Maker<'_> {
     #[inline(always)]
     fn row<S: Simd>(&self, simd: S, nearest: u32, scratch: &mut Scratch, row: &mut Vec<(u32, f64)>) -> bool {
         scratch.near.clear();
-        scratch.near.push(nearest);
+        scratch.near.extend(self.topology.triangles()[nearest as usize]);
         if let Some(on) = self.weigh_near(simd, scratch) {
             self.on_face(on, row);
             return true;
         }
         let tune = *TUNE.read().unwrap();
         // No more than the row's magnitude, and rarely less than a tenth of it.
-        let mut size = scratch.near_weights[0].abs();
+        let mut size = scratch.near_weights.iter().map(|w| w.abs()).sum::<f64>();
         let mut weight = tune[1] * size;
         let mut error = tune[0] * size;
         for _ in 0..4 {
@@ -196,7 +196,7 @@ impl Maker<'_> {
                 return false;
             }
             scratch.stats.tries += 1;
-            let t0 = std::time::Instant::now();
+            let t0 = std::time::Instant::now(); let p0 = scratch.stats.packs;
             let rest = self.sum(simd, Limits { brief: (tune[3] * error) as f32, kept: (tune[2] * size) as f32, error: error as f32, weight: weight as f32 }, scratch);
             scratch.stats.near += scratch.near.len();
             let t1 = std::time::Instant::now();
@@ -215,6 +215,7 @@ impl Maker<'_> {
             let total = magnitude(row) + rest.magnitude;
             scratch.stats.delta += rest.error / total;
             scratch.stats.far_share += rest.magnitude / total;
+            { let r = total/size; let b=(r.log2()*2.0).floor().clamp(0.,11.) as usize; scratch.stats.h[b]+=1; scratch.stats.hf[b]+=scratch.faces.len(); scratch.stats.hp[b]+=scratch.stats.packs-p0; }
             size = total;
             let budget = self.share * total - rest.magnitude;
             if budget < 0.0 {
