@@ -4,15 +4,11 @@ fn main(){
  let a:Vec<String>=std::env::args().collect();
  let shape = if a[1].ends_with(".off"){off(&a[1])} else {shapes::creature(a[1].parse().unwrap()).unwrap()};
  let frac:f64=a[2].parse().unwrap(); let check=a[3]=="check";
- if a.len()>6 { *temp::TUNE.write().unwrap()=[a[4].parse().unwrap(),a[5].parse().unwrap(),a[6].parse().unwrap(),a[7].parse().unwrap()]; }
  let cage=simplify(&shape,&CageSize::Fraction(frac).into(),&Silent).unwrap().mesh;
  eprintln!("{} v, cage {} v {} f", shape.vertex_count(), cage.vertex_count(), cage.face_count());
  for _ in 0..if check{1}else{3} {
- temp::STATS.lock().unwrap().clear();
  let c=cpu(); let t=Instant::now(); let fast=Binding::new(&shape,&cage,&Prune::PAPER.into(),&Silent).unwrap();
  eprintln!("fast {:.3} s wall {:.3} cpu", t.elapsed().as_secs_f64(), cpu()-c);
- let mut s=temp::Stats::default(); for q in temp::STATS.lock().unwrap().iter(){ s.rows+=q.rows; s.tries+=q.tries; s.packs+=q.packs; s.near+=q.near; s.faces+=q.faces; s.listed+=q.listed; s.kept+=q.kept; s.grouped+=q.grouped; for i in 0..12 { s.h[i]+=q.h[i]; s.hf[i]+=q.hf[i]; s.hp[i]+=q.hp[i]; } for i in 0..4 { s.t[i]+=q.t[i]; } s.exact+=q.exact; s.ambiguous+=q.ambiguous; s.tau+=q.tau; s.delta+=q.delta; s.far_share+=q.far_share;  } 
- let r=s.rows as f64; for i in 0..12 { if s.h[i]>0 { eprintln!("ratio 2^{} rows {} faces {} packs {}", i as f64/2., s.h[i], s.hf[i]/s.h[i], s.hp[i]/s.h[i]); } } eprint!("times {:?} full leaves {:.1} ",s.t.map(|t| t as f64/r), s.grouped as f64/r); eprintln!("per row: tries {:.3} packs {:.1} near {:.1} faces {:.1} listed {:.1} kept {:.1}; exact {:.4}% ambiguous {:.3}% tau {:.3}% delta {:.2e} far {:.4}", s.tries as f64/r, s.packs as f64/r, s.near as f64/r, s.faces as f64/r, s.listed as f64/r, s.kept as f64/r, 100.*s.exact as f64/r,100.*s.ambiguous as f64/r,100.*s.tau as f64/r, s.delta/s.tries as f64, s.far_share/s.tries as f64);
  if check { let c=cpu(); let exact=Binding::new(&shape,&cage,&BindOptions{prune:Prune::PAPER,exact:true},&Silent).unwrap(); eprintln!("exact {:.3} cpu", cpu()-c);
   let (mut diff,mut worst,mut worst_rel)=(0,0.0f64,0.0f64); let mut edge=0.0f64;
   for i in 0..shape.vertex_count(){ let (ja,wa)=fast.row(i); let (jb,wb)=exact.row(i); let mut x:Vec<_>=ja.iter().zip(wa).collect(); let mut y:Vec<_>=jb.iter().zip(wb).collect(); x.sort_by_key(|e|e.0); y.sort_by_key(|e|e.0);

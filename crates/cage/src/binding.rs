@@ -82,7 +82,6 @@ impl Binding {
                         return Err(CageError::Cancelled { what: "binding" });
                     }
                     let chunk = Chunk::make(&maker, points, scratch);
-                    STATS.lock().unwrap().push(std::mem::take(&mut scratch.far_field.stats));
                     let before = done.fetch_add(points.len(), Ordering::Relaxed);
                     // About a hundred reports in all.
                     let hundredth = (total / 100).max(1);
@@ -200,5 +199,3 @@ impl Chunk {
         chunk
     }
 }
-
-pub static STATS: std::sync::Mutex<Vec<crate::far_field::Stats>> = std::sync::Mutex::new(Vec::new());

@@ -22,4 +22,3 @@ pub use propagate::{Propagation, Propagator};
 pub use prune::Prune;
 pub use report::{BindReport, UNSAFE_MAGNITUDE};
 pub use simplify::{CageSize, Simplified, SimplifyOptions, SimplifyReport, simplify};
-pub mod temp { pub use crate::far_field::{Stats, TUNE}; pub use crate::binding::STATS; }

@@ -8,7 +8,7 @@ use pliant_mesh::metrics::FaceTree;
 use pliant_mesh::{Topology, TriMesh};
 
 use crate::binding::BindOptions;
-use crate::far_field::{self, FarField};
+use crate::far_field::{self, FarField, View};
 use crate::mean_value::{Corners, FaceWeights, MeanValue};
 use crate::prune::{Prune, drop_smallest};
 
@@ -19,7 +19,7 @@ pub(crate) struct RowMaker<'a> {
     prune: Prune,
     /// Cage vertices in the coordinates' normal frame; `None` if there are none.
     vertices: Option<ImmutableKdTree<f64, 3>>,
-    /// Cage faces in the same frame, for the local rule.
+    /// Cage faces in the same frame, for the local rule and for `far_field`.
     faces: Option<FaceTree>,
     /// For the magnitude rule, unless it is to be exact.
     far_field: Option<FarField>,
@@ -29,7 +29,7 @@ pub(crate) struct RowMaker<'a> {
 pub(crate) struct Scratch {
     dense: Vec<f64>,
     corners: Corners,
-    pub(crate) far_field: far_field::Scratch,
+    far_field: far_field::Scratch,
     weights: Vec<f64>,
     /// The row made last: (cage vertex, weight), summing to 1, increasing by vertex.
     pub(crate) row: Vec<(u32, f64)>,
@@ -113,10 +113,11 @@ impl<'a> RowMaker<'a> {
 
     /// All mean value coordinates less the smallest.
     fn mean_value(&self, point: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
-        if let (Some(field), Some(faces)) = (&self.far_field, &self.faces) {
+        if let Some((field, faces)) = self.far_field.as_ref().zip(self.faces.as_ref()) {
             let x = self.coordinates.to_frame(point);
-            let nearest = faces.nearest(x).map_or(0, |f| f.0);
-            if field.row(&self.coordinates, self.cage, x, nearest, share, &mut scratch.far_field, &mut scratch.row) {
+            let view = View { cage: &self.coordinates, topology: self.cage, x };
+            let nearest = faces.nearest(x).map(|(face, _)| face as usize);
+            if nearest.is_some_and(|f| field.row(view, f, share, &mut scratch.far_field, &mut scratch.row)) {
                 return normalise(&mut scratch.row);
             }
         }

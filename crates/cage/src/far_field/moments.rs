@@ -83,6 +83,9 @@ pub(super) struct Moments {
     /// Sums of magnitude times squared and cubed distance from the centre.
     pub(super) square: f64,
     pub(super) cube: f64,
+    /// Sum of magnitude times squared height `(N . (u + s d))^2`: coefficients of xx, yy, zz, xy, xz, yz in `u`, of `u` times `s`
+    /// and of `s^2`.
+    pub(super) heights: [f64; 10],
     /// All faces lie within this of the centre.
     pub(super) radius: f64,
     /// Unit axis of a cone that holds all normals, and its half angle: `PI` where there is none narrower than a half-space.
@@ -97,10 +100,15 @@ impl Moments {
     pub(super) fn of(surface: &Surface<'_>, vertices: &[u32]) -> Self {
         let mut m = Self::default();
         let mut weighted = DVec3::ZERO;
-        for d in surface.dipoles(vertices) {
-            m.area += d.area;
-            weighted += d.at * d.area;
-            m.dipole += d.normal * d.area;
+        for v in vertices {
+            let mut area = 0.0;
+            for d in surface.dipoles(std::slice::from_ref(v)) {
+                area += d.area;
+                weighted += d.at * d.area;
+                m.dipole += d.normal * d.area;
+            }
+            m.area += area;
+            m.largest = m.largest.max(area);
         }
         if m.area <= 0.0 {
             m.centre = vertices.first().map_or(DVec3::ZERO, |&v| surface.positions[v as usize]);
@@ -147,15 +155,27 @@ impl Moments {
         for (sum, term) in self.second.iter_mut().zip(second) {
             *sum += 12.0 * term;
         }
+        let (n, along) = (dipole.normal, dipole.normal.dot(d));
+        let heights = [
+            n.x * n.x,
+            n.y * n.y,
+            n.z * n.z,
+            2.0 * n.x * n.y,
+            2.0 * n.x * n.z,
+            2.0 * n.y * n.z,
+            2.0 * along * n.x,
+            2.0 * along * n.y,
+            2.0 * along * n.z,
+            along * along,
+        ];
+        for (sum, term) in self.heights.iter_mut().zip(heights) {
+            *sum += dipole.area * term;
+        }
         self.square += dipole.area * d.length_squared();
         self.cube += dipole.area * d.length_squared() * d.length();
     }
 
     fn bound(&mut self, surface: &Surface<'_>, vertices: &[u32]) {
-        for &v in vertices {
-            let of_one: f64 = surface.dipoles(&[v]).map(|d| d.area).sum();
-            self.largest = self.largest.max(of_one);
-        }
         self.axis = self.dipole.normalize_or_zero();
         let mut cosine = if self.axis == DVec3::ZERO { -1.0 } else { 1.0_f64 };
         for (_, f) in surface.faces(vertices) {

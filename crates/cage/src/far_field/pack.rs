@@ -25,6 +25,7 @@ pub(super) struct Pack {
     cube: Eight,
     radius: Eight,
     largest: Eight,
+    heights: [Eight; 10],
     axis: [Eight; 3],
     cosine: Eight,
     sine: Eight,
@@ -67,7 +68,7 @@ const CLOSE: f32 = 0.2;
 /// Share of the rigorous remainder that is taken for the error. The bound sets every normal along the line of sight and every
 /// part of a group on the same side of its centre; on smooth and folded cages alike, errors stay below
 /// 0.9 of this share (see the tests).
-const REMAINDER: f32 = 0.25;
+const REMAINDER: f32 = 0.35;
 
 /// Rounding of single precision: of sums and products relative to a group's dipoles, and of positions in a frame of unit
 /// diagonal relative to the distance.
@@ -101,6 +102,7 @@ impl Pack {
             cube: Default::default(),
             radius: Default::default(),
             largest: Default::default(),
+            heights: Default::default(),
             axis: Default::default(),
             cosine: Default::default(),
             sine: Default::default(),
@@ -112,6 +114,7 @@ impl Pack {
             set(&mut pack.first, k, &m.first);
             set(&mut pack.vector, k, &m.vector.to_array());
             set(&mut pack.second, k, &m.second);
+            set(&mut pack.heights, k, &m.heights);
             set(&mut pack.axis, k, &m.axis.to_array());
             pack.trace[k] = m.trace as f32;
             pack.area[k] = m.area as f32;
@@ -147,13 +150,32 @@ impl Pack {
             let close = all(1.0) - s * load(&self.radius);
             let square = close * close;
             let gain = close.if_below(all(CLOSE), all(HUGE), s * s * s / (square * square));
-            // Where some lie on the other side, their weights are missing twice.
+            let weight = self.weight(simd, at, u, s).abs();
+            // Where some lie on the other side, their weights are missing twice; and the sum of magnitudes is at most what the mean
+            // square of the heights allows (Cauchy and Schwarz).
             let other_side = (all(0.0) - lowest).max(all(0.0)).min(highest);
-            let mixed = all(2.0) * load(&self.area) * gain * other_side;
-            self.weight(simd, at, u, s).abs().store(&mut look.weight, at);
+            let area = load(&self.area);
+            let twice = all(2.0) * area * gain * other_side;
+            let allowed = (area * self.square_heights(simd, at, u, s)).max(all(0.0)).sqrt() * gain - weight;
+            let mixed = twice.min(allowed.max(all(0.0)));
+            weight.store(&mut look.weight, at);
             (self.error(simd, at, s, highest) + mixed).store(&mut look.error, at);
             (load(&self.largest) * gain * highest).store(&mut look.largest, at);
         }
+    }
+
+    /// Sum over a group of area times squared height, in squared distances from the point to the centre.
+    #[inline(always)]
+    fn square_heights<S: Simd>(
+        &self,
+        simd: S,
+        at: usize,
+        [x, y, z]: [Singles<S>; 3],
+        s: Singles<S>,
+    ) -> Singles<S> {
+        let h = |k: usize| Singles::load(simd, &self.heights[k], at);
+        let square = (h(0) * x * x + h(1) * y * y + h(2) * z * z) + (h(3) * x * y + h(4) * x * z + h(5) * y * z);
+        square + s * (h(6) * x + h(7) * y + h(8) * z + s * h(9)) + Singles::all(simd, 1e-6) * Singles::load(simd, &self.area, at)
     }
 
     /// Heights of the point over the planes of a group's faces lie between these, in distances from the point to its centre; turned so
