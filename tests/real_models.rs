@@ -101,6 +101,6 @@ fn the_papers_rule_warns_where_it_breaks_down() {
         let cage = simplify(&shape, &CageSize::Fraction(0.05).into(), &Silent).expect("valid").mesh;
         let report = Binding::new(&shape, &cage, &Prune::PAPER.into(), &Silent).expect("valid").report().clone();
         assert!(report.unsafe_rows > 0, "{report:?}");
-        assert!(report.warnings().iter().any(|w| w.contains("local:24")), "{:?}", report.warnings());
+        assert!(report.warnings().iter().any(|w| w.contains("smooth:16")), "{:?}", report.warnings());
     }
 }
