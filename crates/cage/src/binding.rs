@@ -30,11 +30,14 @@ pub struct BindOptions {
     /// Averaging on the cage acts like longer rows, at a cost that does not grow with the shape. It evens out the frames of a solve that
     /// has not converged, and the folds of coarse cages. Rest and rigid motions stay exact.
     pub smoothing: usize,
+    /// Every cage face for every shape vertex. Only [`Prune::Magnitude`] has a faster way, which sums far vertices in groups: its
+    /// weights are within 1e-4 of the exact ones, its cuts within 1e-4 of the row's magnitude. Default: off.
+    pub exact: bool,
 }
 
 impl Default for BindOptions {
     fn default() -> Self {
-        Self { prune: Prune::default(), support: Support::default(), smoothing: 24 }
+        Self { prune: Prune::default(), support: Support::default(), smoothing: 24, exact: false }
     }
 }
 
@@ -59,11 +62,14 @@ impl fmt::Display for BindOptions {
         if self.smoothing != usual.smoothing {
             write!(f, "+smoothing:{}", self.smoothing)?;
         }
+        if self.exact {
+            f.write_str("+exact")?;
+        }
         Ok(())
     }
 }
 
-/// Reads a prune rule and, each after a `+`, `surface`, `space` or `smoothing:NEIGHBOURS`.
+/// Reads a prune rule and, each after a `+`, `surface`, `space`, `smoothing:NEIGHBOURS` or `exact`.
 impl FromStr for BindOptions {
     type Err = CageError;
 
@@ -78,6 +84,7 @@ impl FromStr for BindOptions {
                         found: number.to_owned(),
                     })?;
                 }
+                None if word == "exact" => options.exact = true,
                 None => options.support = word.parse()?,
             }
         }
@@ -112,8 +119,9 @@ impl Binding {
     /// The cage may be any triangle mesh with a face; it need not enclose the shape nor be closed, though open cages
     /// lose the linear precision of mean value coordinates ([`BindReport::cage_open_edges`]).
     /// A shape vertex lies where on the cage's surface its nearest cage vertex does; [`Simplified::bind`] knows better.
-    /// [`Prune::Smooth`] costs about 1 us a shape vertex and 30 us a cage vertex, [`Prune::Local`] 10 us a shape vertex;
-    /// [`Prune::None`] and [`Prune::Magnitude`] look at every cage face for every shape vertex (about 60 ns each).
+    /// [`Prune::Smooth`] costs about 1 us a shape vertex and 30 us a cage vertex, [`Prune::Local`] 10 us a shape vertex, and so does
+    /// [`Prune::Magnitude`] on a cage near the shape; far from it, where rows keep hundreds of weights, several times
+    /// that. [`Prune::None`] and [`BindOptions::exact`] look at every cage face for every shape vertex (about 60 ns each).
     ///
     /// # Errors
     /// A cage without faces, a prune rule out of range, more weights than 32-bit offsets can number, or
@@ -141,8 +149,8 @@ impl Binding {
         if options.prune == Prune::None {
             check_entries(shape.vertex_count().saturating_mul(cage.vertex_count()))?;
         }
-        let BindOptions { prune, support, smoothing } = *options;
-        let maker = RowMaker::new(&shape.positions, owners, cage, prune, support, smoothing);
+        let maker = RowMaker::new(&shape.positions, owners, cage, options);
+        let smoothing = options.smoothing;
         let (rows, facts) = make_rows(&maker, &maker.order(), |i, scratch| maker.make(i, scratch), progress)?;
         let average = |j, scratch: &mut Scratch| {
             maker.smooth_cage(j, smoothing, scratch);

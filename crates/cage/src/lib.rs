@@ -7,6 +7,7 @@
 
 mod binding;
 mod error;
+mod far_field;
 mod mean_value;
 mod packed;
 mod propagate;

@@ -15,10 +15,10 @@ use pliant_mesh::{Topology, TriMesh, face_normals};
 
 /// A point nearer to a face than this share of the cage's diagonal takes the barycentric coordinates of the nearest
 /// point on that face: the limit of mean value coordinates (Ju et al., Section 3.3), on edges and at vertices too.
-const ON_FACE: f64 = 1e-13;
+pub(crate) const ON_FACE: f64 = 1e-13;
 
 /// Height over a face's plane, as a share of the distance to the face, below which the face is seen edge-on.
-const EDGE_ON: f64 = 1e-4;
+pub(crate) const EDGE_ON: f64 = 1e-4;
 
 /// What one face gives to the coordinates of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,6 +66,18 @@ impl MeanValue {
     /// Cage vertices in the normal frame.
     pub(crate) fn positions(&self) -> &[DVec3] {
         &self.positions
+    }
+
+    /// Unit normals of the faces; zero where a face has no area.
+    pub(crate) fn normals(&self) -> &[DVec3] {
+        &self.normals
+    }
+
+    /// Corners of a face in the normal frame.
+    #[inline(always)]
+    pub(crate) fn corners(&self, face: usize) -> [DVec3; 3] {
+        let [a, b, c] = self.faces[face];
+        [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
     /// Writes the coordinates of `point` (model space) with respect to every cage vertex to `row`; they sum to 1.
@@ -130,7 +142,7 @@ impl MeanValue {
 
     /// What `face` gives to a point of the normal frame.
     pub(crate) fn face_weights(&self, x: DVec3, face: usize) -> FaceWeights {
-        let corners = self.faces[face].map(|v| self.positions[v as usize]);
+        let corners = self.corners(face);
         let v = corners.map(|p| p - x);
         let normal = self.normals[face];
         if normal == DVec3::ZERO {

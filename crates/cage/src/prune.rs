@@ -102,10 +102,20 @@ impl FromStr for Prune {
 /// `entries` are (vertex, weight); on equal magnitudes the higher vertex goes first. The order of what is kept is unspecified
 /// but the same on every run.
 pub(crate) fn drop_smallest(entries: &mut Vec<(u32, f64)>, share: f64) {
+    let budget = share * magnitude(entries);
+    drop_within(entries, budget);
+}
+
+/// Sum of the weights' magnitudes.
+pub(crate) fn magnitude(entries: &[(u32, f64)]) -> f64 {
+    entries.iter().map(|e| e.1.abs()).sum()
+}
+
+/// Drops the smallest magnitudes while their sum stays within `budget`, as [`drop_smallest`] does; returns what is left of
+/// the budget.
+pub(crate) fn drop_within(entries: &mut Vec<(u32, f64)>, mut budget: f64) -> f64 {
     entries.retain(|e| e.1 != 0.0);
     let ascending = |a: &(u32, f64), b: &(u32, f64)| a.1.abs().total_cmp(&b.1.abs()).then(b.0.cmp(&a.0));
-    let magnitude = |part: &[(u32, f64)]| part.iter().map(|e| e.1.abs()).sum::<f64>();
-    let mut budget = share * magnitude(entries);
     // Weighted selection: everything before `start` is dropped, everything from `end` on is kept.
     let (mut start, mut end) = (0, entries.len());
     while start < end {
@@ -124,6 +134,7 @@ pub(crate) fn drop_smallest(entries: &mut Vec<(u32, f64)>, share: f64) {
         }
     }
     entries.drain(..start);
+    budget
 }
 
 #[cfg(test)]

@@ -33,8 +33,11 @@ pub struct BindReport {
     /// Edges of the cage with one face: above 0, the cage is open and mean value coordinates lose their linear precision.
     pub cage_open_edges: usize,
     /// Largest distance between a shape vertex and what its whole row (before pruning) makes of the cage, as a share of
-    /// the cage's diagonal. 0 for rules that never form whole rows.
+    /// the cage's diagonal. Measured under [`Prune::None`](crate::Prune::None) and with
+    /// [`BindOptions::exact`](crate::BindOptions::exact); 0 elsewhere, but for the few rows that needed every cage face.
     pub linear_precision_error: f64,
+    /// Rows of mean value coordinates whose linear precision was not measured, as they were made without looking at the whole cage.
+    pub unmeasured_rows: usize,
 }
 
 /// A row whose magnitudes sum to more than this is unsafe: sound rows stay below 2.6 even on coarse tight cages.
@@ -65,6 +68,7 @@ impl BindReport {
             replaced_rows: facts.replaced,
             cage_open_edges: topology.boundary_edge_count(),
             linear_precision_error: facts.precision_error,
+            unmeasured_rows: facts.unmeasured,
         }
     }
 
@@ -93,6 +97,12 @@ impl BindReport {
             warnings.push(format!(
                 "{cause}: mean value coordinates are off by up to {:.2e} of the diagonal at rest; propagation by frames is not affected",
                 self.linear_precision_error
+            ));
+        } else if self.cage_open_edges > 0 && self.unmeasured_rows > 0 {
+            warnings.push(format!(
+                "the cage is open ({} edges with one face): mean value coordinates are off at rest, by how much was not measured; \
+                 propagation by frames is not affected",
+                self.cage_open_edges
             ));
         }
         warnings

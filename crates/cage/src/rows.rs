@@ -5,6 +5,8 @@ use pliant_mesh::metrics::FaceTree;
 use pliant_mesh::{Topology, TriMesh};
 use rayon::prelude::*;
 
+use crate::binding::BindOptions;
+use crate::far_field::{self, FarField, View};
 use crate::mean_value::{Corners, FaceWeights, MeanValue};
 use crate::prune::{Prune, drop_smallest};
 use crate::support::{Group, Near, Neighbourhoods, Support, Whose};
@@ -17,14 +19,17 @@ pub(crate) struct RowMaker<'a> {
     neighbourhoods: Neighbourhoods<'a>,
     /// The points, in the coordinates' normal frame.
     points: Vec<DVec3>,
-    /// Cage faces in the same frame, for the local rule.
+    /// Cage faces in the same frame, for the local rule and for `far_field`.
     faces: Option<FaceTree>,
+    /// For the magnitude rule, unless it is to be exact.
+    far_field: Option<FarField>,
 }
 
 /// A thread's own working memory.
 pub(crate) struct Scratch {
     dense: Vec<f64>,
     corners: Corners,
+    far_field: far_field::Scratch,
     group: Group,
     near: Vec<Near>,
     /// Coordinates of `near`, unnormalised.
@@ -44,8 +49,10 @@ pub(crate) struct RowFacts {
     /// Rows whose weights cancelled and that come from the smooth rule instead.
     pub(crate) replaced: usize,
     /// How far whole rows (nothing dropped) are from linear precision at most, in units of the normal frame;
-    /// 0 for rules that never form them.
+    /// 0 where none was formed.
     pub(crate) precision_error: f64,
+    /// Rows of mean value coordinates that were made without forming the whole row.
+    pub(crate) unmeasured: usize,
 }
 
 impl RowFacts {
@@ -53,12 +60,16 @@ impl RowFacts {
         Self {
             replaced: self.replaced + other.replaced,
             precision_error: self.precision_error.max(other.precision_error),
+            unmeasured: self.unmeasured + other.unmeasured,
         }
     }
 }
 
 /// A kept row whose weights sum to less than this share of their magnitudes cannot be scaled to sum 1.
 const CANCELLED: f64 = 1e-9;
+
+/// Below this share nearly every cage vertex may be kept, and groups gain nothing.
+const LEAST_SHARE: f64 = 1e-4;
 
 /// Neighbours for rows that have to be replaced under a rule that has no number of its own.
 const REPLACEMENT_NEIGHBOURS: usize = 24;
@@ -68,14 +79,8 @@ const TINY: f64 = 5e-3;
 
 impl<'a> RowMaker<'a> {
     /// `owners` as in [`Neighbourhoods::new`].
-    pub(crate) fn new(
-        points: &[DVec3],
-        owners: Option<&[u32]>,
-        cage: &'a TriMesh,
-        prune: Prune,
-        support: Support,
-        smoothing: usize,
-    ) -> Self {
+    pub(crate) fn new(points: &[DVec3], owners: Option<&[u32]>, cage: &'a TriMesh, options: &BindOptions) -> Self {
+        let BindOptions { prune, support, smoothing, exact } = *options;
         let coordinates = MeanValue::new(cage);
         let points: Vec<DVec3> = points.par_iter().map(|p| coordinates.to_frame(*p)).collect();
         let (neighbours, owned) = match prune {
@@ -86,9 +91,12 @@ impl<'a> RowMaker<'a> {
         let most = neighbours.max(smoothing);
         let support = if most == 0 { Support::Space } else { support };
         let positions = coordinates.positions();
+        let local = matches!(prune, Prune::Local { .. });
+        let grouped = matches!(prune, Prune::Magnitude(share) if share >= LEAST_SHARE) && !exact;
         Self {
+            far_field: grouped.then(|| FarField::new(&coordinates, cage.topology())),
             neighbourhoods: Neighbourhoods::new(cage.topology(), positions, owned, owners, most, support),
-            faces: matches!(prune, Prune::Local { .. }).then(|| FaceTree::new(positions, cage.triangles())),
+            faces: (local || grouped).then(|| FaceTree::new(positions, cage.triangles())),
             coordinates,
             points,
             cage: cage.topology(),
@@ -98,11 +106,11 @@ impl<'a> RowMaker<'a> {
 
     pub(crate) fn scratch(&self) -> Scratch {
         let vertices = self.cage.vertex_count();
-        let dense = matches!(self.prune, Prune::None | Prune::Magnitude(_));
         let local = matches!(self.prune, Prune::Local { .. });
         Scratch {
-            dense: vec![0.0; if dense { vertices } else { 0 }],
+            dense: Vec::new(),
             corners: Corners::default(),
+            far_field: far_field::Scratch::default(),
             group: Group::default(),
             near: Vec::new(),
             weights: Vec::new(),
@@ -156,6 +164,15 @@ impl<'a> RowMaker<'a> {
 
     /// All mean value coordinates less the smallest.
     fn mean_value(&self, x: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
+        if let Some((field, faces)) = self.far_field.as_ref().zip(self.faces.as_ref()) {
+            let view = View { cage: &self.coordinates, topology: self.cage, x };
+            let nearest = faces.nearest(x).map(|(face, _)| face as usize);
+            if nearest.is_some_and(|f| field.row(view, f, share, &mut scratch.far_field, &mut scratch.row)) {
+                facts.unmeasured = 1;
+                return normalise(&mut scratch.row);
+            }
+        }
+        scratch.dense.resize(self.cage.vertex_count(), 0.0);
         if !self.coordinates.coordinates_with(x, &mut scratch.dense, &mut scratch.corners) {
             return false;
         }

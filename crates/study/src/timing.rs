@@ -208,7 +208,8 @@ pub fn time_stages(
 }
 
 /// The exact way of the paper's rule.
-const EXACT: BindOptions = BindOptions { prune: Prune::PAPER, support: pliant_cage::Support::Surface, smoothing: 0 };
+const EXACT: BindOptions =
+    BindOptions { prune: Prune::PAPER, support: pliant_cage::Support::Surface, smoothing: 0, exact: true };
 
 /// Times of drags.
 struct Drags {
