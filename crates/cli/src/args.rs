@@ -150,7 +150,7 @@ pub(crate) struct SweepOptions {
     #[arg(long, value_delimiter = ',', default_values_t = [Propagation::default()])]
     pub(crate) propagation: Vec<Propagation>,
     /// Which weights are kept: smooth:NEIGHBOURS, local:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03), none; each may have
-    /// +space or +smoothing:N added.
+    /// +space, +smoothing:N or +exact added.
     #[arg(long, value_delimiter = ',', default_values_t = [BindOptions::default()])]
     pub(crate) prune: Vec<BindOptions>,
     /// Iterations of the solver in each step: numbers, or converged.
@@ -186,7 +186,7 @@ pub(crate) struct BenchOptions {
     /// A scene file (JSON), or the name of a built-in scene, or auto.
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
-    /// Which weights are kept: smooth:NEIGHBOURS, local:NEIGHBOURS, magnitude:SHARE or none; then +space or +smoothing:N.
+    /// Which weights are kept: smooth:NEIGHBOURS, local:NEIGHBOURS, magnitude:SHARE or none; then +space, +smoothing:N or +exact.
     #[arg(long, default_value_t)]
     pub(crate) prune: BindOptions,
     /// Iterations of the solver in each drag.
