@@ -5,7 +5,7 @@ mod common;
 use allocation_counter::measure;
 use common::{along_x, sheet, torus};
 use glam::DVec3;
-use pliant_deform::arap::{Arap, ArapEnergy, ArapOptions};
+use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions};
 use pliant_deform::{Deformer, Goals, Handle, Region};
 use pliant_mesh::{FrameFit, Frames, Similarity, TriMesh, VertexSet};
 
@@ -27,8 +27,12 @@ fn solving_allocates_nothing_from_the_second_time_on() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
     for mesh in [sheet(16, 8), torus(90, 40)] {
         for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
-            for tolerance in [None, Some(1e-6)] {
-                let options = ArapOptions { energy, tolerance, ..ArapOptions::default() };
+            for (iterations, tolerance, acceleration) in [
+                (2, None, Acceleration::None),
+                (2, Some(1e-6), Acceleration::None),
+                (12, None, Acceleration::Anderson { window: 5 }),
+            ] {
+                let options = ArapOptions { energy, iterations, tolerance, acceleration, ..ArapOptions::default() };
                 let mut arap = Arap::prepare(&options, &mesh, &region(&mesh, false)).expect("valid");
                 let mut pose = mesh.positions.clone();
                 for soft in [false, true] {

@@ -98,7 +98,9 @@ impl Cells {
 
     fn fill_neighbours(&mut self, shape: &Shape, slot: &[u32]) {
         let topology = shape.topology();
-        for &v in &self.vertices[..self.cells] {
+        let vertices = &self.vertices[..self.cells];
+        self.neighbours.reserve_exact(vertices.iter().map(|&v| topology.neighbours(v as usize).len()).sum());
+        for &v in vertices {
             self.neighbours.extend(topology.neighbours(v as usize).iter().map(|&j| slot[j as usize]));
             self.offsets.push(self.neighbours.len() as u32);
         }

@@ -11,7 +11,7 @@ pub const LANES: usize = 8;
 
 /// Length of the longest column of the adjugate below which a rotation counts as ambiguous and is settled by Jacobi rotations.
 ///
-/// The column is at least a quarter as long as the slope of the polynomial at its root; the slope is about twice the gap between the two
+/// The column is at least half as long as the slope of the polynomial at its root; the slope is about twice the gap between the two
 /// largest eigenvalues, and both the root's and the column's rounding grow with its inverse.
 const AMBIGUOUS: f64 = 1e-2;
 

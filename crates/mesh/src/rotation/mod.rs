@@ -16,7 +16,7 @@ pub use lanes::{LANES, RotationBatch};
 /// on one line or none at all, a reflection without a preferred plane) the one nearest to the identity is taken, so
 /// the result is always finite and the same on every run. For a matrix that is zero or not finite it is the identity.
 ///
-/// Costs about 0.1 us, half of it waiting for earlier results; [`RotationBatch`] does [`LANES`] in little more time than one,
+/// Costs about 0.1 us, most of it waiting for earlier results; [`RotationBatch`] does [`LANES`] in the time of two,
 /// with the same bits. The unit quaternion of `R` is the eigenvector of the largest eigenvalue of a symmetric 4 x 4
 /// matrix (Horn 1987): found by Newton's method on its characteristic polynomial, or by Jacobi rotations where that is
 /// ill-conditioned. With singular values `a >= b >= c` of `s / |s|` and the sign `d` of its determinant, the gap to the next
