@@ -1,6 +1,6 @@
 //! Rows as propagation reads them: in blocks, each sorted by row length and then by place on the cage.
 //!
-//! Propagation does little with each weight, so it should run as fast as memory delivers them. Three things stand in the way. The
+//! Propagation does little with each weight, so little else should cost time. Three things would. The
 //! length of rows varies, and each surprise costs the processor more than a row does: within a block rows of one length
 //! follow each other. Cage vertices lie scattered: they are numbered along a space-filling curve, and rows of one length are
 //! in the order of the cage vertex they lead with. And indices take as much room as weights: cages of up to 65,536 vertices

@@ -111,8 +111,8 @@ impl Propagator {
     /// motion. At rest, propagation by frames gives the rest positions rounded to f32. Normals are unit length, of the new
     /// positions, the faces weighted by area; zero where there are none.
     ///
-    /// In parallel; allocates only on the first call. The time is that of reading [`Binding::propagated_bytes`] from memory, as far
-    /// as the processor keeps up; normals take about as long again.
+    /// In parallel; allocates only on the first call. Costs about 0.7 ns a kept weight and 70 ns a cage vertex on one thread: bound
+    /// by arithmetic where rows fit the last cache. Normals take half as long again or more.
     ///
     /// # Panics
     /// If a slice has another length than the binding says.
