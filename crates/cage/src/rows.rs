@@ -9,7 +9,7 @@ use crate::binding::BindOptions;
 use crate::far_field::{self, FarField, View};
 use crate::mean_value::{Corners, FaceWeights, MeanValue};
 use crate::prune::{Prune, drop_smallest};
-use crate::support::{Group, Near, Neighbourhoods, Support, Whose};
+use crate::support::{Group, Near, Neighbourhoods, Whose, past_all};
 
 /// Makes rows for points, one cage and prune rule; shared by the threads.
 pub(crate) struct RowMaker<'a> {
@@ -87,9 +87,7 @@ impl<'a> RowMaker<'a> {
             Prune::Local { neighbours } | Prune::Smooth { neighbours } => (neighbours, &points[..]),
             Prune::None | Prune::Magnitude(_) => (0, &[][..]),
         };
-        // With nobody to be listed, the tree is all that is needed, for rows that cancel.
         let most = neighbours.max(smoothing);
-        let support = if most == 0 { Support::Space } else { support };
         let positions = coordinates.positions();
         let local = matches!(prune, Prune::Local { .. });
         let grouped = matches!(prune, Prune::Magnitude(share) if share >= LEAST_SHARE) && !exact;
@@ -187,13 +185,10 @@ impl<'a> RowMaker<'a> {
     /// Distance weights of the nearest cage vertices in space, where coordinates cancel.
     fn replace(&self, x: DVec3, scratch: &mut Scratch) {
         let found = self.neighbourhoods.nearest_in_space(x, REPLACEMENT_NEIGHBOURS + 1, f64::INFINITY);
-        let beyond = match found.get(REPLACEMENT_NEIGHBOURS) {
-            Some(next) => next.0,
-            None => 1.1 * found.last().map_or(0.0, |n| n.0),
-        };
         let nearest = found.iter().take(REPLACEMENT_NEIGHBOURS);
         scratch.near.clear();
         scratch.near.extend(nearest.map(|&(distance, vertex)| Near { distance, vertex, trust: 1.0 }));
+        let beyond = found.get(REPLACEMENT_NEIGHBOURS).map_or_else(|| past_all(&scratch.near), |next| next.0);
         smooth(&scratch.near, beyond, &mut scratch.row);
     }
 

@@ -134,7 +134,7 @@ impl<'a> Neighbourhoods<'a> {
             tree: ImmutableKdTree::new_from_slice(&coordinates).ok(),
             owners: Vec::new(),
             near: Vec::new(),
-            far: vec![Vec::new(); positions.len()],
+            far: Vec::new(),
             positions: positions.to_vec(),
             most,
         };
@@ -149,7 +149,10 @@ impl<'a> Neighbourhoods<'a> {
             let reach = &mut reach[owner as usize];
             *reach = reach.max(2.0 * point.distance(positions[owner as usize]));
         }
-        made.collect(&mut reach, support);
+        // Without rows there is nothing to list: the tree is all that is asked.
+        if most > 0 {
+            made.collect(&mut reach, support);
+        }
         made
     }
 
@@ -357,7 +360,7 @@ impl<'a> Neighbourhoods<'a> {
 }
 
 /// The end of a row that takes all there are: as if the next one were a tenth farther than the last.
-fn past_all(near: &[Near]) -> f64 {
+pub(crate) fn past_all(near: &[Near]) -> f64 {
     1.1 * near.iter().map(|n| n.distance).fold(0.0, f64::max)
 }
 

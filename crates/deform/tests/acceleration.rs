@@ -2,9 +2,9 @@
 
 mod common;
 
-use common::{along_x, bar, distance, pyramid, sheet, torus};
+use common::{along_x, bar, distance, pyramid, sheet, torus, variants};
 use glam::DVec3;
-use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
+use pliant_deform::arap::{Acceleration, Arap, ArapOptions};
 use pliant_deform::{DeformError, Deformer, Goals, Handle, Region, SolveReport};
 use pliant_mesh::{Similarity, TriMesh, VertexSet};
 
@@ -28,16 +28,6 @@ fn shapes() -> Vec<(&'static str, TriMesh)> {
     let small = torus(24, 10);
     let small = small.with_positions(small.positions.iter().map(|p| *p * 1e-6).collect()).expect("finite");
     vec![("sheet", sheet(16, 8)), ("torus", torus(24, 10)), ("small torus", small), ("bar", bar(4))]
-}
-
-fn variants() -> Vec<ArapOptions> {
-    let mut all = Vec::new();
-    for weights in [EdgeWeightKind::Uniform, EdgeWeightKind::Cotangent] {
-        for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
-            all.push(ArapOptions { weights, energy, ..ArapOptions::default() });
-        }
-    }
-    all
 }
 
 #[test]

@@ -4,7 +4,7 @@ mod common;
 
 use std::f64::consts::PI;
 
-use common::{along_x, bar, distance, pyramid, sheet, torus};
+use common::{along_x, bar, distance, pyramid, sheet, torus, variants};
 use glam::{DQuat, DVec3};
 use pliant_deform::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
 use pliant_deform::{DeformError, Deformer, Goals, Handle, HandleFault, Method, Region, Role};
@@ -12,16 +12,6 @@ use pliant_mesh::{Similarity, TriMesh, VertexSet};
 
 fn shapes() -> Vec<(&'static str, TriMesh)> {
     vec![("pyramid", pyramid()), ("sheet", sheet(16, 8)), ("torus", torus(24, 10)), ("bar", bar(4))]
-}
-
-fn variants() -> Vec<ArapOptions> {
-    let mut all = Vec::new();
-    for weights in [EdgeWeightKind::Uniform, EdgeWeightKind::Cotangent] {
-        for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
-            all.push(ArapOptions { weights, energy, ..ArapOptions::default() });
-        }
-    }
-    all
 }
 
 /// Everything free but the two ends along x.

@@ -334,6 +334,12 @@ impl<'a> Study<'a> {
         })
     }
 
+    /// Frames that turn, and scale if a handle of the scene does.
+    pub(crate) fn frame_fit(&self) -> FrameFit {
+        let scales = self.scene.handles.iter().any(|h| h.motion.is_some_and(|m| m.scale != 1.0));
+        if scales { FrameFit::Similarity } else { FrameFit::Rotation }
+    }
+
     /// Carries a pose of the control mesh to the shape, and measures it.
     pub fn carry(
         &self,
@@ -343,9 +349,7 @@ impl<'a> Study<'a> {
         propagation: Propagation,
         stages: &dyn Stages,
     ) -> (Vec<DVec3>, SweepRow) {
-        let scales = self.scene.handles.iter().any(|h| h.motion.is_some_and(|m| m.scale != 1.0));
-        let fit = if scales { FrameFit::Similarity } else { FrameFit::Rotation };
-        let mut propagator = Propagator::new(propagation).with_fit(fit);
+        let mut propagator = Propagator::new(propagation).with_fit(self.frame_fit());
         let mut pose = self.shape.positions.clone();
         propagator.apply(&bound.binding, &caged.mesh.positions, &mut pose);
         let topology = self.shape.topology();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use glam::{DVec3, Vec3};
 use pliant_cage::{BindOptions, Propagation, Propagator, Prune};
 use pliant_deform::{Constraint, Deformer, Goals, Handle, Method, Region};
-use pliant_mesh::{FrameFit, VertexSet};
+use pliant_mesh::VertexSet;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -158,20 +158,8 @@ pub fn time_stages(
         return Err(StudyError::BadSize { found: plan.cage.to_string() });
     }
     let repeats = plan.repeats.max(1);
-    let mut simplify = Vec::with_capacity(repeats);
-    let mut caged = study.cage(plan.cage, stages)?;
-    simplify.push(caged.simplify_ms);
-    for _ in 1..repeats {
-        caged = study.cage(plan.cage, stages)?;
-        simplify.push(caged.simplify_ms);
-    }
-    let mut bind = Vec::with_capacity(repeats);
-    let mut bound = study.bind(&caged, plan.bind, stages)?;
-    bind.push(bound.bind_ms);
-    for _ in 1..repeats {
-        bound = study.bind(&caged, plan.bind, stages)?;
-        bind.push(bound.bind_ms);
-    }
+    let (caged, simplify_ms) = repeated(repeats, || study.cage(plan.cage, stages), |caged, _| caged.simplify_ms)?;
+    let (bound, bind_ms) = repeated(repeats, || study.bind(&caged, plan.bind, stages), |bound, _| bound.bind_ms)?;
     let bind_exact_ms = match plan.exact {
         true => Some(study.bind(&caged, EXACT, stages)?.bind_ms),
         false => None,
@@ -190,8 +178,8 @@ pub fn time_stages(
         repeats,
         drags: drag.whole.len(),
         read_ms,
-        simplify_ms: median(simplify),
-        bind_ms: median(bind),
+        simplify_ms,
+        bind_ms,
         bind_exact_ms,
         prepare_ms: drag.prepare_ms,
         refactor_ms: drag.refactor_ms,
@@ -234,18 +222,10 @@ impl Drags {
         let method = plan.method.with_iterations(plan.iterations);
         stages.begin("drag");
         let begun = Instant::now();
-        let (mut deformer, mut prepare) = (None, Vec::new());
-        for _ in 0..plan.repeats.max(1) {
-            let start = Instant::now();
-            deformer = Some(method.prepare(&caged.mesh, &caged.region).map_err(named)?);
-            prepare.push(milliseconds(start.elapsed()));
-        }
-        // There is at least one repeat.
-        let Some(mut deformer) = deformer else { return Err(StudyError::BadSize { found: String::new() }) };
+        let prepare = || method.prepare(&caged.mesh, &caged.region).map_err(named);
+        let (mut deformer, prepare_ms) = repeated(plan.repeats, prepare, |_, time| time)?;
         let refactor = refactor(&mut *deformer, &caged.region, plan.repeats.max(1)).map_err(named)?;
-        let scales = study.scene.handles.iter().any(|h| h.motion.is_some_and(|m| m.scale != 1.0));
-        let fit = if scales { FrameFit::Similarity } else { FrameFit::Rotation };
-        let mut propagator = Propagator::new(Propagation::Frames).with_fit(fit);
+        let mut propagator = Propagator::new(Propagation::Frames).with_fit(study.frame_fit());
         let goals = |step: usize| Goals::new(study.scene.goals(step as f64 / STEPS as f64));
         let mut pose = caged.mesh.positions.clone();
         for step in 1..STEPS / 2 {
@@ -254,7 +234,7 @@ impl Drags {
         let ends = [goals(STEPS / 2), goals(STEPS / 2 + 1)];
         let mut shape = vec![Vec3::ZERO; study.shape.vertex_count()];
         let mut made = Self {
-            prepare_ms: median(prepare),
+            prepare_ms,
             refactor_ms: median(refactor),
             normals_ms: 0.0,
             whole: Vec::with_capacity(DRAGS.1),
@@ -297,6 +277,29 @@ impl Drags {
         stages.end("drag", begun.elapsed(), &format!("{} drags", made.whole.len()));
         Ok(made)
     }
+}
+
+/// Makes something `repeats` times, at least once: the last one, and the median of the times that `time` makes of each and of the
+/// milliseconds it took.
+fn repeated<T, E>(
+    repeats: usize,
+    make: impl Fn() -> Result<T, E>,
+    time: impl Fn(&T, f64) -> f64,
+) -> Result<(T, f64), E> {
+    let timed = || {
+        let start = Instant::now();
+        let made = make()?;
+        let own = time(&made, milliseconds(start.elapsed()));
+        Ok((made, own))
+    };
+    let (mut made, first) = timed()?;
+    let mut times = vec![first];
+    for _ in 1..repeats {
+        let (again, time) = timed()?;
+        made = again;
+        times.push(time);
+    }
+    Ok((made, median(times)))
 }
 
 /// Takes one vertex out of the first handle that has two and puts it back, again and again; or makes its handle soft and hard.

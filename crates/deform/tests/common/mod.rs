@@ -5,6 +5,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
+use pliant_deform::arap::{ArapEnergy, ArapOptions, EdgeWeightKind};
 use pliant_mesh::{TriMesh, VertexSet};
 
 /// A wavy sheet of `nx` by `ny` quads over `[0, 2] x [0, 1]`, with uneven spacing so that some angles are obtuse.
@@ -97,4 +98,15 @@ pub(crate) fn along_x(mesh: &TriMesh, range: std::ops::RangeInclusive<f64>) -> V
 pub(crate) fn distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(p, q)| (*p - *q).length()).fold(0.0, f64::max)
+}
+
+/// Every kind of weights with every energy.
+pub(crate) fn variants() -> Vec<ArapOptions> {
+    let mut all = Vec::new();
+    for weights in [EdgeWeightKind::Uniform, EdgeWeightKind::Cotangent] {
+        for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
+            all.push(ArapOptions { weights, energy, ..ArapOptions::default() });
+        }
+    }
+    all
 }
