@@ -4,10 +4,11 @@
 //! models named. Under `cargo test` it takes one small generated model.
 //!
 //! Three scenes a model: *small* and *large* bend it by 30 and 110 degrees, *limbs* moves the spot that is nearest in space and
-//! farthest along the surface away from its counterpart. Each is solved in one jump of 2 iterations, and until converged in four
-//! steps. An error is given as the ratio to that of the same solve without a cage, a thousandth added to both so that an
+//! farthest along the surface away from its counterpart. Each is solved in one jump of 2 iterations, in one of 8, and until converged
+//! in four steps. An error is given as the ratio to that of the same solve without a cage, a thousandth added to both so that an
 //! undeformed model counts as no gain; a line has the geometric mean over models and scenes of ratios of the root mean square
-//! and of the 99th percentile, the worst ratio, and the median and largest of the largest edge errors.
+//! and of the 99th percentile, the worst ratio, the median and largest of the largest edge errors, and the time of the solve as a ratio
+//! to that of the default method on the same schedule (for converged solves it also tells how fast they converge).
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -15,8 +16,8 @@ use std::path::Path;
 
 use pliant::glam::DVec3;
 use pliant::{
-    ArapEnergy, ArapOptions, BindOptions, CageSize, EdgeWeightKind, Iterations, Method, Propagation, Scene, Schedule,
-    Silent, Study, SweepSize, TriMesh, creature, read, select, simplify, vertex_normals,
+    Acceleration, ArapEnergy, ArapOptions, BindOptions, CageSize, EdgeWeightKind, Iterations, Method, Propagation,
+    Scene, Schedule, Silent, Study, SweepRow, SweepSize, TriMesh, creature, read, select, simplify, vertex_normals,
 };
 
 const MODELS: [&str; 14] = [
@@ -36,13 +37,15 @@ const MODELS: [&str; 14] = [
     "elephant.off",
 ];
 
-const BINDINGS: [&str; 9] = [
+const BINDINGS: [&str; 11] = [
     "smooth:8",
     "smooth:12",
     "smooth:16",
     "smooth:24",
     "smooth:16+smoothing:0",
     "smooth:16+space",
+    "smooth:16+tiny:0",
+    "smooth:16+tiny:0.05",
     "local:24",
     "local:24+space+smoothing:0",
     "magnitude:0.03",
@@ -50,6 +53,9 @@ const BINDINGS: [&str; 9] = [
 
 /// The binding that every method is tried with.
 const DEFAULT: &str = "smooth:16";
+
+/// Iterations that acceleration can help with, and as many accelerated ones as take about as long.
+const MANY: [u32; 2] = [8, 6];
 
 /// Added to an error (root mean square; five times this to a percentile) before ratios are taken.
 const FLOOR: f64 = 1e-3;
@@ -163,14 +169,27 @@ fn list(v: DVec3) -> String {
 type Key = (String, String, String);
 
 #[derive(Default)]
-struct Table(BTreeMap<Key, Vec<[f64; 3]>>);
+struct Table(BTreeMap<Key, Vec<[f64; 4]>>);
 
-fn methods() -> Vec<(&'static str, Method)> {
+/// What is tried on a schedule beside the default, with the schedule it then has.
+fn methods(schedule: Schedule) -> Vec<(&'static str, Method, Schedule)> {
     let arap = ArapOptions::default();
+    let with = |name, options| (name, Method::Arap(options), schedule);
+    if schedule.iterations == Iterations::Count(MANY[0]) {
+        let accelerated = ArapOptions { acceleration: Acceleration::Anderson { window: 5 }, ..arap };
+        let fewer = Schedule { iterations: Iterations::Count(MANY[1]), ..schedule };
+        return vec![
+            with("8 accelerated iterations", accelerated.clone()),
+            ("6 accelerated iterations", Method::Arap(accelerated), fewer),
+        ];
+    }
     vec![
-        ("cotangent", Method::Arap(arap.clone())),
-        ("uniform", Method::Arap(ArapOptions { weights: EdgeWeightKind::Uniform, ..arap.clone() })),
-        ("spokes and rims", Method::Arap(ArapOptions { energy: ArapEnergy::SpokesAndRims, ..arap })),
+        with("uniform", ArapOptions { weights: EdgeWeightKind::Uniform, ..arap.clone() }),
+        with("spokes and rims", ArapOptions { energy: ArapEnergy::SpokesAndRims, ..arap.clone() }),
+        with(
+            "uniform, spokes and rims",
+            ArapOptions { weights: EdgeWeightKind::Uniform, energy: ArapEnergy::SpokesAndRims, ..arap },
+        ),
     ]
 }
 
@@ -184,6 +203,7 @@ fn measure(name: &str, shape: &TriMesh, scene: &Scene, sizes: &[f64], table: &mu
     };
     let schedules = [
         ("2 iterations", Schedule { steps: 1, iterations: Iterations::Count(2) }),
+        ("8 iterations", Schedule { steps: 1, iterations: Iterations::Count(MANY[0]) }),
         ("converged", Schedule { steps: 4, iterations: Iterations::Converged }),
     ];
     let none = study.cage(SweepSize::None, &Silent)?;
@@ -200,20 +220,27 @@ fn measure(name: &str, shape: &TriMesh, scene: &Scene, sizes: &[f64], table: &mu
             bound.push((binding, study.bind(&caged, binding.parse::<BindOptions>()?, &Silent)?));
         }
         for ((schedule_name, schedule), direct) in schedules.iter().zip(&direct) {
-            for (method_name, method) in methods() {
-                let dragged = study.drag(&caged, &method, *schedule, &Silent)?;
-                let is_default = method == Method::default();
-                // Every binding with the default method, the default binding with every method.
-                for (binding, bound) in bound.iter().filter(|b| is_default || b.0 == DEFAULT) {
-                    let (_, row) = study.carry(&caged, bound, &dragged, Propagation::Frames, &Silent);
-                    let what = if is_default { (*binding).to_owned() } else { format!("{DEFAULT}, {method_name}") };
-                    let key = ((*schedule_name).to_owned(), format!("{:>2.0} %", 1e2 * size), what);
-                    table.0.entry(key).or_default().push([
-                        (row.rms_relative + FLOOR) / (direct.rms_relative + FLOOR),
-                        (row.edge_p99 + 5.0 * FLOOR) / (direct.edge_p99 + 5.0 * FLOOR),
-                        row.edge_max,
-                    ]);
-                }
+            let mut put = |what: String, row: &SweepRow, usual_ms: f64| {
+                let key = ((*schedule_name).to_owned(), format!("{:>2.0} %", 1e2 * size), what);
+                table.0.entry(key).or_default().push([
+                    (row.rms_relative + FLOOR) / (direct.rms_relative + FLOOR),
+                    (row.edge_p99 + 5.0 * FLOOR) / (direct.edge_p99 + 5.0 * FLOOR),
+                    row.edge_max,
+                    row.drag_ms / usual_ms,
+                ]);
+            };
+            let usual = study.drag(&caged, &Method::default(), *schedule, &Silent)?;
+            let mut usual_ms = f64::NAN;
+            for (binding, bound) in &bound {
+                let (_, row) = study.carry(&caged, bound, &usual, Propagation::Frames, &Silent);
+                usual_ms = row.drag_ms;
+                put((*binding).to_owned(), &row, usual_ms);
+            }
+            let usually_bound = bound.iter().find(|b| b.0 == DEFAULT).ok_or("the default is not among the bindings")?;
+            for (what, method, schedule) in methods(*schedule) {
+                let dragged = study.drag(&caged, &method, schedule, &Silent)?;
+                let (_, row) = study.carry(&caged, &usually_bound.1, &dragged, Propagation::Frames, &Silent);
+                put(format!("{DEFAULT}, {what}"), &row, usual_ms);
             }
         }
     }
@@ -223,20 +250,21 @@ fn measure(name: &str, shape: &TriMesh, scene: &Scene, sizes: &[f64], table: &mu
 impl Table {
     fn print(&self) {
         println!(
-            "| solve | cage | binding | rms, ratio | p99, ratio | worst rms ratio | edge max, median | edge max, largest |"
+            "| solve | cage | binding | rms, ratio | p99, ratio | worst rms ratio | edge max, median | edge max, largest | solve time, ratio |"
         );
-        println!("|---|---|---|---:|---:|---:|---:|---:|");
+        println!("|---|---|---|---:|---:|---:|---:|---:|---:|");
         for ((schedule, size, what), values) in &self.0 {
             let mean = |k: usize| (values.iter().map(|v| v[k].ln()).sum::<f64>() / values.len() as f64).exp();
             let mut largest: Vec<f64> = values.iter().map(|v| v[2]).collect();
             largest.sort_by(f64::total_cmp);
             let worst = values.iter().map(|v| v[0]).fold(0.0, f64::max);
             println!(
-                "| {schedule} | {size} | {what} | {:.3} | {:.3} | {worst:.2} | {:.2} | {:.2} |",
+                "| {schedule} | {size} | {what} | {:.3} | {:.3} | {worst:.2} | {:.2} | {:.2} | {:.2} |",
                 mean(0),
                 mean(1),
                 largest[largest.len() / 2],
                 largest[largest.len() - 1],
+                mean(3),
             );
         }
     }

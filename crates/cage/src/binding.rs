@@ -30,6 +30,9 @@ pub struct BindOptions {
     /// Averaging on the cage acts like longer rows, at a cost that does not grow with the shape. It evens out the frames of a solve that
     /// has not converged, and the folds of coarse cages. Rest and rigid motions stay exact.
     pub smoothing: usize,
+    /// Entries of [`Prune::Local`] and [`Prune::Smooth`] below this share of their row's largest are dropped, as each costs time in
+    /// every drag; at least 0, below 1. Default: 0.005.
+    pub tiny: f64,
     /// Every cage face for every shape vertex. Only [`Prune::Magnitude`] has a faster way, which sums far vertices in groups: its
     /// weights are within 1e-4 of the exact ones, its cuts within 1e-4 of the row's magnitude. Default: off.
     pub exact: bool,
@@ -37,7 +40,7 @@ pub struct BindOptions {
 
 impl Default for BindOptions {
     fn default() -> Self {
-        Self { prune: Prune::default(), support: Support::default(), smoothing: 24, exact: false }
+        Self { prune: Prune::default(), support: Support::default(), smoothing: 24, tiny: 5e-3, exact: false }
     }
 }
 
@@ -62,6 +65,9 @@ impl fmt::Display for BindOptions {
         if self.smoothing != usual.smoothing {
             write!(f, "+smoothing:{}", self.smoothing)?;
         }
+        if self.tiny != usual.tiny {
+            write!(f, "+tiny:{}", self.tiny)?;
+        }
         if self.exact {
             f.write_str("+exact")?;
         }
@@ -69,7 +75,20 @@ impl fmt::Display for BindOptions {
     }
 }
 
-/// Reads a prune rule and, each after a `+`, `surface`, `space`, `smoothing:NEIGHBOURS` or `exact`.
+impl BindOptions {
+    /// # Errors
+    /// [`CageError::BadOption`] for a number out of range.
+    pub(crate) fn check(&self) -> Result<(), CageError> {
+        self.prune.check()?;
+        if (0.0..1.0).contains(&self.tiny) { Ok(()) } else { Err(bad_tiny(self.tiny.to_string())) }
+    }
+}
+
+fn bad_tiny(found: String) -> CageError {
+    CageError::BadOption { what: "tiny (a share of the largest entry, at least 0 and below 1)", found }
+}
+
+/// Reads a prune rule and, each after a `+`, `surface`, `space`, `smoothing:NEIGHBOURS`, `tiny:SHARE` or `exact`.
 impl FromStr for BindOptions {
     type Err = CageError;
 
@@ -77,15 +96,19 @@ impl FromStr for BindOptions {
         let mut words = text.split('+');
         let mut options = Self::from(words.next().unwrap_or_default().parse::<Prune>()?);
         for word in words {
-            match word.strip_prefix("smoothing:") {
-                Some(number) => {
+            match word.split_once(':') {
+                Some(("smoothing", number)) => {
                     options.smoothing = number.parse().map_err(|_| CageError::BadOption {
                         what: "smoothing (a number of cage vertices, 0 for none)",
                         found: number.to_owned(),
                     })?;
                 }
-                None if word == "exact" => options.exact = true,
-                None => options.support = word.parse()?,
+                Some(("tiny", share)) => {
+                    options.tiny = share.parse().map_err(|_| bad_tiny(share.to_owned()))?;
+                    options.check()?;
+                }
+                _ if word == "exact" => options.exact = true,
+                _ => options.support = word.parse()?,
             }
         }
         Ok(options)
@@ -142,7 +165,7 @@ impl Binding {
         options: &BindOptions,
         progress: &dyn Progress,
     ) -> Result<Self, CageError> {
-        options.prune.check()?;
+        options.check()?;
         if cage.face_count() == 0 {
             return Err(CageError::NoFaces);
         }

@@ -16,6 +16,8 @@ pub(crate) struct RowMaker<'a> {
     coordinates: MeanValue,
     cage: &'a Topology,
     prune: Prune,
+    /// [`BindOptions::tiny`].
+    tiny: f64,
     neighbourhoods: Neighbourhoods<'a>,
     /// The points, in the coordinates' normal frame.
     points: Vec<DVec3>,
@@ -74,13 +76,10 @@ const LEAST_SHARE: f64 = 1e-4;
 /// Neighbours for rows that have to be replaced under a rule that has no number of its own.
 const REPLACEMENT_NEIGHBOURS: usize = 24;
 
-/// A share of a row's largest weight too small to be worth its time in every drag.
-const TINY: f64 = 5e-3;
-
 impl<'a> RowMaker<'a> {
     /// `owners` as in [`Neighbourhoods::new`].
     pub(crate) fn new(points: &[DVec3], owners: Option<&[u32]>, cage: &'a TriMesh, options: &BindOptions) -> Self {
-        let BindOptions { prune, support, smoothing, exact } = *options;
+        let BindOptions { prune, support, smoothing, tiny, exact } = *options;
         let coordinates = MeanValue::new(cage);
         let points: Vec<DVec3> = points.par_iter().map(|p| coordinates.to_frame(*p)).collect();
         let (neighbours, owned) = match prune {
@@ -99,6 +98,7 @@ impl<'a> RowMaker<'a> {
             points,
             cage: cage.topology(),
             prune,
+            tiny,
         }
     }
 
@@ -138,7 +138,7 @@ impl<'a> RowMaker<'a> {
             Prune::Smooth { neighbours } => {
                 let whose = Whose::Point(i, self.points[i]);
                 let beyond = self.neighbourhoods.find(whose, neighbours, &mut scratch.group, &mut scratch.near);
-                smooth(&scratch.near, beyond, &mut scratch.row) && drop_tiny(&mut scratch.row)
+                smooth(&scratch.near, beyond, &mut scratch.row) && drop_tiny(self.tiny, &mut scratch.row)
             }
         };
         if !made {
@@ -153,7 +153,7 @@ impl<'a> RowMaker<'a> {
     pub(crate) fn smooth_cage(&self, j: u32, neighbours: usize, scratch: &mut Scratch) {
         let whose = Whose::CageVertex(j);
         let beyond = self.neighbourhoods.find(whose, neighbours, &mut scratch.group, &mut scratch.near);
-        if !(smooth(&scratch.near, beyond, &mut scratch.row) && drop_tiny(&mut scratch.row)) {
+        if !(smooth(&scratch.near, beyond, &mut scratch.row) && drop_tiny(self.tiny, &mut scratch.row)) {
             scratch.row.clear();
             scratch.row.push((j, 1.0));
         }
@@ -234,7 +234,7 @@ impl<'a> RowMaker<'a> {
             }
         }
         scratch.weights = weights;
-        drop_tiny(&mut scratch.row)
+        drop_tiny(self.tiny, &mut scratch.row)
     }
 
     /// Unnormalised weights of the vertices in `scratch.near` over all faces round them and the nearest face; returns what
@@ -306,10 +306,10 @@ fn smooth(near: &[Near], beyond: f64, row: &mut Vec<(u32, f64)>) -> bool {
     normalise(row)
 }
 
-/// Drops what is tiny of a row that sums to 1, and scales the rest to sum 1.
-fn drop_tiny(row: &mut Vec<(u32, f64)>) -> bool {
+/// Drops what is below the share `tiny` of the largest entry of a row that sums to 1, and scales the rest to sum 1.
+fn drop_tiny(tiny: f64, row: &mut Vec<(u32, f64)>) -> bool {
     let largest = row.iter().map(|e| e.1).fold(0.0, f64::max);
-    row.retain(|e| e.1 >= TINY * largest);
+    row.retain(|e| e.1 >= tiny * largest);
     normalise(row)
 }
 

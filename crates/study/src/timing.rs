@@ -161,7 +161,7 @@ pub fn time_stages(
     let (caged, simplify_ms) = repeated(repeats, || study.cage(plan.cage, stages), |caged, _| caged.simplify_ms)?;
     let (bound, bind_ms) = repeated(repeats, || study.bind(&caged, plan.bind, stages), |bound, _| bound.bind_ms)?;
     let bind_exact_ms = match plan.exact {
-        true => Some(study.bind(&caged, EXACT, stages)?.bind_ms),
+        true => Some(study.bind(&caged, exact(), stages)?.bind_ms),
         false => None,
     };
     let drag = Drags::run(study, plan, &caged, &bound, stages)?;
@@ -196,8 +196,9 @@ pub fn time_stages(
 }
 
 /// The exact way of the paper's rule.
-const EXACT: BindOptions =
-    BindOptions { prune: Prune::PAPER, support: pliant_cage::Support::Surface, smoothing: 0, exact: true };
+fn exact() -> BindOptions {
+    BindOptions { exact: true, ..Prune::PAPER.into() }
+}
 
 /// Times of drags.
 struct Drags {

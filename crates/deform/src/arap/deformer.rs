@@ -481,6 +481,6 @@ mod tests {
                 }
             }
         }
-        assert!(taken_back > 0 && kept > 5 * taken_back, "{taken_back} taken back, {kept} kept");
+        assert!(taken_back > 0 && kept > 3 * taken_back, "{taken_back} taken back, {kept} kept");
     }
 }
