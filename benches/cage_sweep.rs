@@ -15,8 +15,8 @@ use std::error::Error;
 use std::time::Instant;
 
 use pliant::{
-    BindOptions, CageSize, Detail, Iterations, Method, Propagation, Scene, Silent, SweepPlan, SweepReport, SweepRow,
-    SweepSize, creature, sweep,
+    BindOptions, CageSize, Detail, Iterations, Method, Propagation, Scene, Silent, Start, SweepPlan, SweepReport,
+    SweepRow, SweepSize, creature, sweep,
 };
 
 const VERTICES: usize = 50_000;
@@ -35,6 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         methods: vec![Method::default()],
         iterations: vec![Iterations::Count(2)],
         steps: 20,
+        start: Start::default(),
     };
     let mut reports = Vec::with_capacity(REPEATS);
     for repeat in 1..=REPEATS {

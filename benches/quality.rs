@@ -17,7 +17,8 @@ use std::path::Path;
 use pliant::glam::DVec3;
 use pliant::{
     Acceleration, ArapEnergy, ArapOptions, BindOptions, CageSize, EdgeWeightKind, Iterations, Method, Propagation,
-    Scene, Schedule, Silent, Study, SweepRow, SweepSize, TriMesh, creature, read, select, simplify, vertex_normals,
+    Scene, Schedule, Silent, Start, Study, SweepRow, SweepSize, TriMesh, creature, read, select, simplify,
+    vertex_normals,
 };
 
 const MODELS: [&str; 14] = [
@@ -175,15 +176,18 @@ struct Table(BTreeMap<Key, Vec<[f64; 4]>>);
 fn methods(schedule: Schedule) -> Vec<(&'static str, Method, Schedule)> {
     let arap = ArapOptions::default();
     let with = |name, options| (name, Method::Arap(options), schedule);
+    let pose = ("starting from the pose", Method::Arap(arap.clone()), Schedule { start: Start::Pose, ..schedule });
     if schedule.iterations == Iterations::Count(MANY[0]) {
         let accelerated = ArapOptions { acceleration: Acceleration::Anderson { window: 5 }, ..arap };
         let fewer = Schedule { iterations: Iterations::Count(MANY[1]), ..schedule };
         return vec![
+            pose,
             with("8 accelerated iterations", accelerated.clone()),
             ("6 accelerated iterations", Method::Arap(accelerated), fewer),
         ];
     }
     vec![
+        pose,
         with("uniform", ArapOptions { weights: EdgeWeightKind::Uniform, ..arap.clone() }),
         with("spokes and rims", ArapOptions { energy: ArapEnergy::SpokesAndRims, ..arap.clone() }),
         with(
@@ -202,9 +206,9 @@ fn measure(name: &str, shape: &TriMesh, scene: &Scene, sizes: &[f64], table: &mu
         }
     };
     let schedules = [
-        ("2 iterations", Schedule { steps: 1, iterations: Iterations::Count(2) }),
-        ("8 iterations", Schedule { steps: 1, iterations: Iterations::Count(MANY[0]) }),
-        ("converged", Schedule { steps: 4, iterations: Iterations::Converged }),
+        ("2 iterations", Schedule { steps: 1, iterations: Iterations::Count(2), start: Start::Levels }),
+        ("8 iterations", Schedule { steps: 1, iterations: Iterations::Count(MANY[0]), start: Start::Levels }),
+        ("converged", Schedule { steps: 4, iterations: Iterations::Converged, start: Start::Levels }),
     ];
     let none = study.cage(SweepSize::None, &Silent)?;
     let own = study.bind(&none, BindOptions::default(), &Silent)?;

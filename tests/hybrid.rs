@@ -2,7 +2,7 @@
 
 use pliant::glam::DVec3;
 use pliant::{
-    ArapOptions, BindOptions, Iterations, Method, Propagation, Prune, Scene, Schedule, Silent, Study, SweepPlan,
+    ArapOptions, BindOptions, Iterations, Method, Propagation, Prune, Scene, Schedule, Silent, Start, Study, SweepPlan,
     SweepReport, SweepRow, SweepSize, TriMesh, creature, shapes, sweep,
 };
 
@@ -14,6 +14,7 @@ fn plan(sizes: &[&str]) -> SweepPlan {
         methods: vec![Method::default()],
         iterations: vec![Iterations::Count(2)],
         steps: 1,
+        start: Start::default(),
     }
 }
 
@@ -36,7 +37,7 @@ fn a_cage_of_all_vertices_is_no_cage() {
                 .map(|size| {
                     let caged = study.cage(size.parse().expect("a size"), &Silent).expect("valid");
                     let bound = study.bind(&caged, Prune::default(), &Silent).expect("valid");
-                    let schedule = Schedule { steps, iterations };
+                    let schedule = Schedule { steps, iterations, start: Start::Levels };
                     let dragged = study.drag(&caged, &Method::default(), schedule, &Silent).expect("valid");
                     study.carry(&caged, &bound, &dragged, Propagation::Frames, &Silent).0
                 })
@@ -119,7 +120,7 @@ fn a_drag_in_steps_ends_at_the_same_goal() {
     let study = Study::new("creature", &shape, &creature_scene()).expect("fits");
     let caged = study.cage("20%".parse().expect("a size"), &Silent).expect("valid");
     let pose = |steps| {
-        let schedule = Schedule { steps, iterations: Iterations::Converged };
+        let schedule = Schedule { steps, iterations: Iterations::Converged, start: Start::Levels };
         study.drag(&caged, &Method::default(), schedule, &Silent).expect("valid").pose
     };
     let (once, often) = (pose(1), pose(10));

@@ -54,6 +54,8 @@ pub struct Propagator {
     frames: Frames,
     double: Motions<f64>,
     single: Motions<f32>,
+    /// Points before they are carried.
+    before: Vec<DVec3>,
     normals: NormalBuffer,
 }
 
@@ -95,12 +97,34 @@ impl Propagator {
                 self.double.place(&packed.by_rank, cage_pose, DVec3::ZERO);
                 packed.sum(&self.double.positions, shape, &Place(DVec3::ZERO));
             }
-            Propagation::Frames => {
-                self.frames.fit(&binding.cage_topology, &binding.cage, cage_pose, self.fit);
-                let moves = self.double.follow(binding, cage_pose, &self.frames.matrices);
-                packed.sum(moves, shape, &Double { binding, pose: cage_pose });
-            }
+            Propagation::Frames => self.follow(binding, &binding.cage, cage_pose, &binding.shape, shape),
         }
+    }
+
+    /// Carries points of the shape along as the cage goes from one pose to another, by frames, whatever the propagation.
+    ///
+    /// `from` and `to` have one position per cage vertex, `points` one per shape vertex: where they are with the cage at `from`. A rigid
+    /// motion of the cage moves them by it, and where the cage stays as it is they keep their bits. [`Self::apply`] by frames is
+    /// this from rest. In parallel; allocates only on the first call. Linear in the number of kept weights.
+    ///
+    /// # Panics
+    /// If a slice has another length than the binding says.
+    pub fn carry(&mut self, binding: &Binding, from: &[DVec3], to: &[DVec3], points: &mut [DVec3]) {
+        assert_eq!(from.len(), binding.cage_vertex_count());
+        assert_eq!(to.len(), binding.cage_vertex_count());
+        assert_eq!(points.len(), binding.shape_vertex_count());
+        let mut before = std::mem::take(&mut self.before);
+        before.clear();
+        before.extend_from_slice(points);
+        self.follow(binding, from, to, &before, points);
+        self.before = before;
+    }
+
+    /// Writes to `after` where the points `before` go as the cage goes from `from` to `to`.
+    fn follow(&mut self, binding: &Binding, from: &[DVec3], to: &[DVec3], before: &[DVec3], after: &mut [DVec3]) {
+        self.frames.fit(&binding.cage_topology, from, to, self.fit);
+        let moves = self.double.follow(binding, from, to, &self.frames.matrices);
+        binding.packed.sum(moves, after, &Double { binding, before, from, to });
     }
 
     /// Writes the shape's vertices for a pose of the cage in single precision, straight into buffers that leave for a GPU, and its
@@ -135,7 +159,7 @@ impl Propagator {
             }
             Propagation::Frames => {
                 self.frames.fit(&binding.cage_topology, &binding.cage, cage_pose, self.fit);
-                let moves = self.single.follow(binding, cage_pose, &self.frames.matrices);
+                let moves = self.single.follow(binding, &binding.cage, cage_pose, &self.frames.matrices);
                 packed.sum(moves, positions, &Single { centre });
             }
         }
@@ -168,10 +192,12 @@ impl Finish<f32, 4> for Place<Vec3> {
     }
 }
 
-/// Frames propagation in double precision: the sum is a motion of the exact rest position.
+/// Frames propagation in double precision: the sum is a motion of the exact position before.
 struct Double<'a> {
     binding: &'a Binding,
-    pose: &'a [DVec3],
+    before: &'a [DVec3],
+    from: &'a [DVec3],
+    to: &'a [DVec3],
 }
 
 impl Finish<f64, 16> for Double<'_> {
@@ -180,16 +206,17 @@ impl Finish<f64, 16> for Double<'_> {
 
     #[inline(always)]
     fn finish(&self, i: usize, _: Vec3, leading: usize, length: usize, sum: &[f64; 16]) -> DVec3 {
-        let Binding { shape, cage, packed, smoothing, .. } = self.binding;
+        let Binding { packed, smoothing, .. } = self.binding;
+        let before = self.before[i];
         if length == 1 && smoothing.is_none() {
             // A cage vertex itself: exactly where the cage has it.
             let j = packed.by_rank[leading] as usize;
-            if shape[i] == cage[j] {
-                return self.pose[j];
+            if before == self.from[j] {
+                return self.to[j];
             }
         }
-        let [x, y, z, _] = step(sum, (shape[i] - packed.centre).to_array());
-        shape[i] + DVec3::new(x, y, z)
+        let [x, y, z, _] = step(sum, (before - packed.centre).to_array());
+        before + DVec3::new(x, y, z)
     }
 }
 
@@ -225,15 +252,15 @@ impl<T: Real> Motions<T> {
         }));
     }
 
-    /// Motions of a pose and its frames, averaged if the binding says so.
-    fn follow(&mut self, binding: &Binding, pose: &[DVec3], frames: &[DMat3]) -> &[Move<T>] {
+    /// Motions from one pose to another with their frames, averaged if the binding says so.
+    fn follow(&mut self, binding: &Binding, from: &[DVec3], to: &[DVec3], frames: &[DMat3]) -> &[Move<T>] {
         let (centre, by_rank) = (binding.packed.centre, &binding.packed.by_rank);
-        self.moves.resize(pose.len(), Move::default());
+        self.moves.resize(to.len(), Move::default());
         self.moves.par_iter_mut().zip(by_rank).with_min_len(GRAIN).for_each(|(step, &j)| {
             let j = j as usize;
             // y' + M (x - y) = x + (M - 1) (x - y) + (y' - y): at rest nothing is added, not even rounding.
             let linear = frames[j] - DMat3::IDENTITY;
-            let offset = (pose[j] - binding.cage[j]) - linear * (binding.cage[j] - centre);
+            let offset = (to[j] - from[j]) - linear * (from[j] - centre);
             let columns = [linear.x_axis, linear.y_axis, linear.z_axis, offset];
             let lane = |k: usize| if k % 4 < 3 { T::rounded(columns[k / 4][k % 4]) } else { T::default() };
             step.0 = std::array::from_fn(lane);
@@ -241,7 +268,7 @@ impl<T: Real> Motions<T> {
         match &binding.smoothing {
             None => &self.moves,
             Some(rows) => {
-                self.smoothed.resize(pose.len(), Move::default());
+                self.smoothed.resize(to.len(), Move::default());
                 average(rows, &self.moves, &mut self.smoothed);
                 &self.smoothed
             }

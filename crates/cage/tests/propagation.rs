@@ -162,3 +162,30 @@ fn large_cages_have_wide_indices() {
         assert!(p.distance(turn.apply(*x)) < 1e-9);
     }
 }
+
+/// Points carried from any pose stay where the cage stays, follow its rigid motions, and from rest go where `apply` puts them.
+#[test]
+fn points_are_carried_from_any_pose() {
+    for pair in pairs() {
+        let diagonal = pair.shape.bounds().diagonal();
+        let from = bent(&pair.cage.mesh);
+        let motion = Similarity::about(pair.shape.bounds().min, DVec3::new(0.3, 1.0, 2.0), 1.9, 1.0);
+        let to: Vec<DVec3> = from.iter().map(|p| motion.apply(*p)).collect();
+        for (rule, binding) in bindings(&pair.shape, &pair).into_iter().filter(|b| b.0 != "identity") {
+            let mut propagator = Propagator::new(Propagation::Frames);
+            let start: Vec<DVec3> = pair.shape.positions.iter().map(|p| *p + 0.01 * diagonal * DVec3::Y).collect();
+            let mut points = start.clone();
+            propagator.carry(&binding, &from, &from, &mut points);
+            assert!(points == start, "{}, {rule}", pair.name);
+            propagator.carry(&binding, &from, &to, &mut points);
+            for (p, x) in points.iter().zip(&start) {
+                // Rotations of rings that a bend has squeezed are found to fewer digits.
+                assert!(p.distance(motion.apply(*x)) < 1e-8 * diagonal, "{}, {rule}", pair.name);
+            }
+            let (mut carried, mut applied) = (pair.shape.positions.clone(), start);
+            propagator.carry(&binding, &pair.cage.mesh.positions, &from, &mut carried);
+            propagator.apply(&binding, &from, &mut applied);
+            assert!(carried == applied, "{}, {rule}", pair.name);
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use pliant::{ArapEnergy, ArapOptions, BindOptions, EdgeWeightKind, Iterations, Method, Propagation, SweepSize};
+use pliant::{ArapEnergy, ArapOptions, BindOptions, EdgeWeightKind, Iterations, Method, Propagation, Start, SweepSize};
 
 const LEARN_MORE: &str = "\
 Start with `pliant demo`, then try an edit of your own:
@@ -113,6 +113,9 @@ pub(crate) struct EditOptions {
     /// Equal steps in which the handles travel to their goals; more steps follow large turns better.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) steps: u32,
+    /// What each solve on a cage starts from: levels (coarser cages, where the goals are far) or pose (the last pose alone).
+    #[arg(long, default_value_t)]
+    pub(crate) start: Start,
     #[command(flatten)]
     pub(crate) arap: ArapArguments,
     /// File to write: obj, ply or glb.
@@ -141,7 +144,7 @@ pub(crate) struct SweepOptions {
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
     /// A ready set of rows instead of the lists below.
-    #[arg(long, conflicts_with_all = ["sizes", "propagation", "prune", "iterations", "steps"])]
+    #[arg(long, conflicts_with_all = ["sizes", "propagation", "prune", "iterations", "steps", "start"])]
     pub(crate) preset: Option<Preset>,
     /// Cage sizes: vertices (2000), shares (5%), distances (error:0.002), or none to deform the model itself.
     #[arg(long, value_delimiter = ',', default_values = ["1%", "2%", "5%", "10%", "none"])]
@@ -159,6 +162,9 @@ pub(crate) struct SweepOptions {
     /// Equal steps in which the handles travel to their goals.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) steps: u32,
+    /// What each solve on a cage starts from: levels (coarser cages, where the goals are far) or pose (the last pose alone).
+    #[arg(long, default_value_t)]
+    pub(crate) start: Start,
     #[command(flatten)]
     pub(crate) arap: ArapArguments,
     /// Write PREFIX.json, PREFIX.csv, PREFIX.md and PREFIX.svg.

@@ -39,7 +39,7 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
         Propagation::Positions => Prune::PAPER.into(),
     });
     let bound = study.bind(&caged, prune, &console)?;
-    let schedule = Schedule { steps: options.steps as usize, iterations: options.iterations };
+    let schedule = Schedule { steps: options.steps as usize, iterations: options.iterations, start: options.start };
     let method = options.arap.method(&ArapOptions::default());
     let dragged = study.drag(&caged, &method, schedule, &console)?;
     let (pose, row) = study.carry(&caged, &bound, &dragged, options.propagation, &console);

@@ -79,6 +79,7 @@ fn plan(options: &SweepOptions, model: &Model) -> Result<(Scene, SweepPlan, Vec<
         methods: vec![options.arap.method(&ArapOptions::default())],
         iterations: options.iterations.clone(),
         steps: options.steps as usize,
+        start: options.start,
     };
     Ok((model.scene(options.scene.as_deref())?, plan, notes))
 }

@@ -25,9 +25,10 @@ pub use pliant_mesh::{
     Progress, Silent, Similarity, Topology, TriMesh, VertexSet, best_rotation, clean_soup, select, shapes,
     vertex_normals,
 };
+pub use pliant_session::{Carried, CoarseStart, Levels, NoRoom, carry_region};
 pub use pliant_study::{
     Bound, Caged, Detail, Dragged, Iterations, ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError,
-    Schedule, Stages, Study, StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, count,
+    Schedule, Stages, Start, Study, StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, count,
     paper_sizes, sweep, time_stages, timed,
 };
 

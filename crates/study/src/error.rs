@@ -41,6 +41,12 @@ pub enum StudyError {
         /// What was given.
         found: String,
     },
+    /// What a solve starts from could not be read.
+    #[error("`{found}` is not a start: use levels or pose")]
+    BadStart {
+        /// What was given.
+        found: String,
+    },
     /// A number of iterations could not be read.
     #[error("`{found}` is not a number of iterations: use 0 to {most}, or converged")]
     BadIterations {

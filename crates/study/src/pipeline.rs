@@ -7,10 +7,11 @@ use std::str::FromStr;
 use std::time::Instant;
 
 use glam::DVec3;
-use pliant_cage::{BindOptions, Binding, CageSize, Propagation, Propagator, Simplified, simplify};
-use pliant_deform::{Goals, Handle, Method, Region};
+use pliant_cage::{BindOptions, Binding, CageError, CageSize, Propagation, Propagator, Simplified, simplify};
+use pliant_deform::{DeformError, Deformer, Goals, Handle, Method, Region};
 use pliant_mesh::metrics::{edge_errors, largest_free_stretch};
 use pliant_mesh::{FrameFit, TriMesh, VertexSet};
+use pliant_session::{Levels, NoRoom, carry_region};
 use serde::{Deserialize, Serialize};
 
 use crate::report::NO_CAGE;
@@ -107,6 +108,40 @@ pub struct Schedule {
     pub steps: usize,
     /// Iterations in each.
     pub iterations: Iterations,
+    /// What each starts from.
+    pub start: Start,
+}
+
+/// What a solve on a cage starts from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// The answer of coarser cages where the goals are far ([`Levels`]), else the pose as it is. Without a cage always the pose.
+    #[default]
+    Levels,
+    /// The pose as it is, as Borosan et al. 2010 do.
+    Pose,
+}
+
+impl fmt::Display for Start {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Levels => "levels",
+            Self::Pose => "pose",
+        })
+    }
+}
+
+impl FromStr for Start {
+    type Err = StudyError;
+
+    fn from_str(text: &str) -> Result<Self, StudyError> {
+        match text {
+            "levels" => Ok(Self::Levels),
+            "pose" => Ok(Self::Pose),
+            _ => Err(StudyError::BadStart { found: text.to_owned() }),
+        }
+    }
 }
 
 /// A shape, its scene, and what every row says of them.
@@ -131,7 +166,21 @@ pub struct Caged {
     /// Time it took to make.
     pub simplify_ms: f64,
     pub(crate) region: Region,
+    levels: Levels,
     warnings: Vec<String>,
+}
+
+impl Caged {
+    /// Prepares a method for the handles of the scene on the control mesh.
+    ///
+    /// # Errors
+    /// As [`Method::prepare`].
+    pub(crate) fn prepare(&self, method: &Method, start: Start) -> Result<Box<dyn Deformer>, DeformError> {
+        match start {
+            Start::Levels => Ok(Box::new(self.levels.prepare(method, &self.mesh, &self.region)?)),
+            Start::Pose => method.prepare(&self.mesh, &self.region),
+        }
+    }
 }
 
 /// A binding and the time it took.
@@ -177,58 +226,62 @@ impl<'a> Study<'a> {
     /// # Errors
     /// The size is out of range, or two handles would have to share a cage vertex.
     pub fn cage(&self, size: SweepSize, stages: &dyn Stages) -> Result<Caged, StudyError> {
+        let region = self.region()?;
         let SweepSize::Cage(cage_size) = size else {
-            let (region, warnings) = self.region(self.shape, None)?;
-            let mesh = self.shape.clone();
-            return Ok(Caged { size, mesh, simplified: None, simplify_ms: 0.0, region, warnings });
+            return Ok(Caged {
+                size,
+                mesh: self.shape.clone(),
+                simplified: None,
+                simplify_ms: 0.0,
+                region,
+                levels: Levels::default(),
+                warnings: Vec::new(),
+            });
         };
-        let work = |progress: &dyn pliant_mesh::Progress| simplify(self.shape, &cage_size.into(), progress);
-        let describe = |made: &Simplified| {
+        let work = |progress: &dyn pliant_mesh::Progress| {
+            let made = simplify(self.shape, &cage_size.into(), progress)?;
+            let levels = Levels::new(&made.mesh, progress)?;
+            Ok::<_, CageError>((made, levels))
+        };
+        let describe = |(made, _): &(Simplified, Levels)| {
             format!("{} of {} vertices", count(made.report.reached), count(self.shape.vertex_count()))
         };
-        let (made, simplify_ms) = timed(stages, "simplify", work, describe)?;
+        let ((made, levels), simplify_ms) = timed(stages, "simplify", work, describe)?;
+        let mut warnings = made.report.warnings();
         // With nothing collapsed the cage is the shape itself, vertices without faces included.
         let whole = made.report.reached + made.report.unused == self.shape.vertex_count();
-        let (mesh, origin) =
-            if whole { (self.shape.clone(), None) } else { (made.mesh.clone(), Some(&made.origin[..])) };
-        let (region, mut warnings) = self.region(&mesh, origin)?;
-        warnings.extend(made.report.warnings());
-        Ok(Caged { size, mesh, simplified: Some(made), simplify_ms, region, warnings })
+        let (mesh, region, levels) =
+            if whole {
+                (self.shape.clone(), region, Levels::default())
+            } else {
+                let mesh = made.mesh.clone();
+                let carried = carry_region(&region, &made.origin, &self.shape.positions, &mesh.positions)
+                    .map_err(|no_room| self.no_room(no_room, mesh.vertex_count()))?;
+                warnings.splice(0..0, carried.stand_ins.iter().map(|&handle| {
+                format!(
+                    "no cage vertex lies in handle '{}': it holds the nearest one; a larger cage follows it better",
+                    self.scene.handles[handle].name
+                )
+            }));
+                (mesh, carried.region, levels)
+            };
+        Ok(Caged { size, mesh, simplified: Some(made), simplify_ms, region, levels, warnings })
     }
 
-    /// The handles of the shape on a control mesh: a cage vertex belongs to the handle of the shape vertex it came from.
-    ///
-    /// This is the one place where a selection goes from the shape to the cage. A handle so small that no cage vertex
-    /// came from it takes the free one nearest to its middle, with a warning.
-    fn region(&self, cage: &TriMesh, origin: Option<&[u32]>) -> Result<(Region, Vec<String>), StudyError> {
-        let mut label: Vec<u32> = match origin {
-            Some(origin) => origin.iter().map(|&v| self.labels[v as usize]).collect(),
-            None => self.labels.clone(),
-        };
-        let mut warnings = Vec::new();
-        for (k, handle) in self.scene.handles.iter().enumerate() {
-            let own = k as u32 + 1;
-            if label.contains(&own) {
-                continue;
-            }
-            let middle = handle.vertices.iter().map(|v| self.shape.positions[v as usize]).sum::<DVec3>()
-                / handle.vertices.len() as f64;
-            let free = (0..label.len()).filter(|&j| label[j] == 0);
-            let nearest = free
-                .map(|j| (cage.positions[j].distance_squared(middle), j))
-                .min_by(|a, b| a.0.total_cmp(&b.0))
-                .ok_or_else(|| StudyError::NoRoom { handle: handle.name.clone(), vertices: label.len() })?;
-            label[nearest.1] = own;
-            warnings.push(format!(
-                "no cage vertex lies in handle '{}': it holds the nearest one; a larger cage follows it better",
-                handle.name
-            ));
-        }
+    /// The handles of the scene on the shape.
+    fn region(&self) -> Result<Region, StudyError> {
+        let n = self.shape.vertex_count();
         let handles: Vec<Handle> = (1..=self.scene.handles.len() as u32)
-            .map(|own| Handle::hard(VertexSet::where_true(label.len(), |j| label[j as usize] == own)))
+            .map(|own| Handle::hard(VertexSet::where_true(n, |v| self.labels[v as usize] == own)))
             .collect();
-        let region = Region::new(label.len(), &VertexSet::all(label.len()), &handles)?;
-        Ok((region, warnings))
+        Ok(Region::new(n, &VertexSet::all(n), &handles)?)
+    }
+
+    fn no_room(&self, no_room: NoRoom, vertices: usize) -> StudyError {
+        match no_room {
+            NoRoom::Handle(handle) => StudyError::NoRoom { handle: self.scene.handles[handle].name.clone(), vertices },
+            NoRoom::Region(error) => error.into(),
+        }
     }
 
     /// Binds the shape to a control mesh; without a cage, or with one of all vertices, to itself.
@@ -281,7 +334,7 @@ impl<'a> Study<'a> {
             stages,
             "prepare",
             |_| {
-                if steps > 1 || last.is_none() { first.prepare(&caged.mesh, &caged.region).map(Some) } else { Ok(None) }
+                if steps > 1 || last.is_none() { caged.prepare(&first, schedule.start).map(Some) } else { Ok(None) }
             },
             |_| describe(caged),
         )
@@ -289,7 +342,7 @@ impl<'a> Study<'a> {
         let mut finisher = None;
         if let Some(last) = &last {
             let start = Instant::now();
-            finisher = Some(last.prepare(&caged.mesh, &caged.region).map_err(named)?);
+            finisher = Some(caged.prepare(last, schedule.start).map_err(named)?);
             prepare_ms = milliseconds(start.elapsed());
         }
         let mut warnings = Vec::new();
@@ -401,6 +454,7 @@ impl<'a> Study<'a> {
             propagation: if direct { NO_CAGE.to_owned() } else { propagation.to_string() },
             prune: bound.options.map_or(NO_CAGE.to_owned(), |p| p.to_string()),
             steps: dragged.schedule.steps,
+            start: if direct { NO_CAGE.to_owned() } else { dragged.schedule.start.to_string() },
             iterations: match dragged.schedule.iterations {
                 Iterations::Count(n) => Some(n as usize),
                 Iterations::Converged => None,

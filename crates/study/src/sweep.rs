@@ -5,7 +5,7 @@ use pliant_deform::{ArapOptions, Method};
 use pliant_mesh::TriMesh;
 
 use crate::paper::paper_sizes;
-use crate::pipeline::{Iterations, Schedule, Study, SweepSize};
+use crate::pipeline::{Iterations, Schedule, Start, Study, SweepSize};
 use crate::report::{ModelInfo, SweepReport};
 use crate::stages::Stages;
 use crate::{Scene, StudyError};
@@ -25,6 +25,8 @@ pub struct SweepPlan {
     pub iterations: Vec<Iterations>,
     /// Steps of each drag.
     pub steps: usize,
+    /// What each solve on a cage starts from.
+    pub start: Start,
 }
 
 impl SweepPlan {
@@ -40,6 +42,7 @@ impl SweepPlan {
             methods: vec![Method::Arap(ArapOptions::faithful())],
             iterations: vec![Iterations::Count(2), Iterations::Converged],
             steps: PAPER_STEPS,
+            start: Start::Pose,
         }
     }
 }
@@ -77,7 +80,7 @@ pub fn sweep(
         let propagations = if size == SweepSize::None { &[Propagation::Positions] } else { &plan.propagations[..] };
         for method in &plan.methods {
             for &iterations in &plan.iterations {
-                let schedule = Schedule { steps: plan.steps, iterations };
+                let schedule = Schedule { steps: plan.steps, iterations, start: plan.start };
                 let dragged = study.drag(&caged, method, schedule, stages)?;
                 for &propagation in propagations {
                     for bound in &bound {

@@ -89,7 +89,7 @@ fn text(text: &str) -> Cell {
 }
 
 /// Every column in the order of the tables, from what was asked over what came out to what it took.
-pub(super) const COLUMNS: [Column; 33] = {
+pub(super) const COLUMNS: [Column; 34] = {
     use Shown::{Always, Full, Main, Never, Setting};
 
     const fn column(key: &'static str, heading: &'static str, shown: Shown, cell: fn(&SweepRow) -> Cell) -> Column {
@@ -103,6 +103,7 @@ pub(super) const COLUMNS: [Column; 33] = {
         column("method", "method", Setting, |r| text(&r.method)),
         column("steps", "steps", Setting, |r| Cell::Count(r.steps)),
         column("iterations", "iterations", Setting, |r| r.iterations.map_or_else(|| text("converged"), Cell::Count)),
+        column("start", "start", Setting, |r| text(&r.start)),
         column("propagation", "propagation", Setting, |r| text(&r.propagation)),
         column("prune", "prune", Setting, |r| text(&r.prune)),
         column("cage_asked", "cage asked", Setting, |r| text(&r.cage_asked)),

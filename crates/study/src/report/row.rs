@@ -28,6 +28,9 @@ pub struct SweepRow {
     pub prune: String,
     /// Steps the handles took from rest to their goals.
     pub steps: usize,
+    /// What each solve starts from: `levels` (coarser cages), `pose`, or [`NO_CAGE`].
+    #[serde(default)]
+    pub start: String,
     /// Iterations of the solver in each step; `null` when it ran until it converged.
     pub iterations: Option<usize>,
 
