@@ -147,27 +147,32 @@ impl CoarseStart {
         self.active.len()
     }
 
-    /// Prepares the levels for the region, up to the first on which that fails.
+    /// Makes the levels ready for the region, up to the first on which that fails. Those that are prepared already are changed.
     fn activate(&mut self) {
-        self.active.clear();
-        let Some(options) = &self.coarse_method else { return };
-        for (k, level) in self.all.levels.iter().enumerate() {
-            let (region, rest) = match self.active.last() {
-                None => (&self.region, &self.rest),
+        let Self { rest, coarse_method: Some(options), region, all, active, .. } = self else { return };
+        for (k, level) in all.levels.iter().enumerate() {
+            let (finer, coarser) = active.split_at_mut(k);
+            let (region, rest) = match finer.last() {
+                None => (&*region, &*rest),
                 Some(finer) => (&finer.region, &finer.level.mesh.positions),
             };
-            let Ok(carried) = carry_region(region, &level.origin, rest, &level.mesh.positions) else { return };
-            let iterations = ITERATIONS[usize::from(k + 1 < self.all.levels.len())];
-            let method = Method::Arap(ArapOptions { iterations, ..options.clone() });
-            let Ok(deformer) = method.prepare(&level.mesh, &carried.region) else { return };
-            let pose = level.mesh.positions.clone();
-            self.active.push(Active {
-                level: Arc::clone(level),
-                region: carried.region,
-                deformer,
-                from: pose.clone(),
-                to: pose,
+            let carried = carry_region(region, &level.origin, rest, &level.mesh.positions);
+            let made = carried.ok().map(|carried| carried.region).and_then(|region| {
+                if let Some(known) = coarser.first_mut() {
+                    known.deformer.set_region(&region).ok()?;
+                    known.region = region;
+                    return Some(None);
+                }
+                let iterations = ITERATIONS[usize::from(k + 1 < all.levels.len())];
+                let method = Method::Arap(ArapOptions { iterations, ..options.clone() });
+                let deformer = method.prepare(&level.mesh, &region).ok()?;
+                let pose = level.mesh.positions.clone();
+                Some(Some(Active { level: Arc::clone(level), region, deformer, from: pose.clone(), to: pose }))
             });
+            match made {
+                Some(new) => active.extend(new),
+                None => return active.truncate(k),
+            }
         }
     }
 
