@@ -197,12 +197,15 @@ pub(crate) struct BenchOptions {
     /// Threads that work; all there are if not given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
-    /// Times that the stages before a drag are repeated.
+    /// Times that the stages before a drag are done, unless that takes more than some seconds.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeats: u32,
-    /// Also bind by the 3 % rule the exact way, every cage face for every vertex: about 60 ns a pair.
+    /// Also bind by the 3 % rule, the fast way and the exact one, every cage face for every vertex: about 60 ns a pair.
     #[arg(long)]
     pub(crate) exact: bool,
+    /// Also drag without a cage, the solver working on the model itself.
+    #[arg(long)]
+    pub(crate) direct: bool,
     /// Print one JSON object instead of text.
     #[arg(long)]
     pub(crate) json: bool,
