@@ -1,11 +1,12 @@
 //! Every stage of an edit against the sizes of shape and cage and the number of threads: what grows how, in one run.
 //!
 //! `cargo bench --bench scaling` takes creatures of 25,000 to 1,000,000 vertices through cages of 1, 2, 5 and 10 %, with 1 and
-//! with 2 threads, in some minutes on two cores; `cargo bench --bench scaling -- 100000` takes other sizes. Under `cargo test`
-//! it takes a tiny one. It prints two tables of times and one of their ratios, in Markdown.
+//! with 2 threads, in some five minutes on two cores; `cargo bench --bench scaling -- 100000` takes other sizes. Under
+//! `cargo test` it takes a tiny one. It prints two tables of times and one of their ratios, in Markdown.
 //!
 //! Times are medians of few repeats, at default options (`pliant bench` makes more, for one pair, on any mesh). Those of
-//! different runs should not be compared, nor those of a busy machine, where two threads may be no faster than one: read ratios.
+//! different runs should not be compared, nor those of a busy machine, where two threads may be no faster than one: read
+//! ratios. Memory is left to `pliant bench`: a process that has timed other pairs keeps some of theirs.
 
 mod common;
 
@@ -54,7 +55,6 @@ fn main() -> Result<(), Box<dyn Error>> {
                 ..one.clone()
             };
             let time = |pool: &rayon::ThreadPool, plan: &TimingPlan| {
-                reset_peak_memory();
                 pool.install(|| time_stages(&study, plan, made_ms, &Silent))
             };
             pairs.push([time(&pools[0], &one)?, time(&pools[1], &two)?]);
@@ -63,11 +63,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     print(&pairs);
     Ok(())
-}
-
-/// Lets the most memory held count from here, where Linux lets it: otherwise it is that of all pairs so far.
-fn reset_peak_memory() {
-    let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
 fn print(pairs: &[Pair]) {
@@ -80,21 +75,9 @@ fn print(pairs: &[Pair]) {
     );
     println!(
         "\nOnce an edit, in ms. `refactor` is a change of handles; `first drag` has all from the shape on; `3 %` and `exact` are the \
-         paper's rule, the fast way and every cage face for every vertex, by 2 threads. Peak memory is the process's up to the drags, in MB.\n"
+         paper's rule, the fast way and every cage face for every vertex, by 2 threads.\n"
     );
-    table(&[
-        "vertices",
-        "cage",
-        "threads",
-        "simplify",
-        "bind",
-        "3 %",
-        "exact",
-        "prepare",
-        "refactor",
-        "first drag",
-        "peak",
-    ]);
+    table(&["vertices", "cage", "threads", "simplify", "bind", "3 %", "exact", "prepare", "refactor", "first drag"]);
     for t in pairs.iter().flatten() {
         row(&[
             count(t.vertices),
@@ -107,7 +90,6 @@ fn print(pairs: &[Pair]) {
             digits(t.prepare_ms),
             digits(t.refactor_ms),
             digits(t.first_drag_ms - t.read_ms),
-            or_blank(t.peak_rss_bytes.map(|bytes| bytes as f64 / 1e6)),
         ]);
     }
     println!(

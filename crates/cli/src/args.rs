@@ -175,7 +175,7 @@ pub(crate) struct SweepOptions {
 /// Medians of one run; on a busy machine look at ratios, such as that of propagation and a plain copy of as many bytes.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  pliant bench creature:100000\n  pliant bench dragon.ply --cage 1% --threads 1\n  pliant bench bunny.obj --prune magnitude:0.03 --exact --json"
+    after_help = "Examples:\n  pliant bench creature:100000\n  pliant bench dragon.ply --cage 1% --threads 1 --direct\n  pliant bench bunny.obj --prune magnitude:0.03 --exact --json"
 )]
 pub(crate) struct BenchOptions {
     /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.

@@ -143,7 +143,7 @@ impl Timing {
         self.propagate_bytes as f64 / (1e6 * time.max(1e-9))
     }
 
-    /// What to do to see these figures, stage by stage, in words with units: one line each.
+    /// These figures in words with units, one line for each stage.
     pub fn lines(&self) -> Vec<String> {
         let ms = |what: &str, time: f64, note: &str| format!("{what:<28} {time:>10.3} ms   {note}");
         let rate = |time: f64| self.gigabytes_a_second(time);
@@ -298,4 +298,34 @@ fn peak_rss_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ranks of 1, 2, .. n in any order are the numbers themselves.
+    #[test]
+    fn of_100_times_99_do_not_exceed_the_percentile() {
+        for (n, expected) in [(1_u32, 1.0), (2, 2.0), (99, 99.0), (100, 99.0), (101, 100.0), (300, 297.0)] {
+            let times: Vec<f64> = (1..=n).rev().map(f64::from).collect();
+            assert_eq!(high_percentile(&times), expected, "{n}");
+        }
+    }
+
+    #[test]
+    fn repeats_end_with_their_number_and_with_patience() {
+        let (long, none) = (Duration::from_secs(3600), Duration::ZERO);
+        for (repeats, patience, done) in [(7, long, 7), (1, long, 1), (0, long, 1), (7, none, 1)] {
+            let mut calls = 1;
+            let plan = TimingPlan { patience, ..TimingPlan::default() };
+            let again = || {
+                calls += 1;
+                Ok::<_, StudyError>(f64::from(calls))
+            };
+            // Times are 1, 2, .. with the lower of two middle ones.
+            assert_eq!(plan.median(repeats, 1.0, again).expect("no error"), f64::from((done + 1) / 2));
+            assert_eq!(calls, done);
+        }
+    }
 }
