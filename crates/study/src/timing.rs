@@ -160,7 +160,7 @@ impl Timing {
         lines.extend([
             ms("prepare", self.prepare_ms, "once per region of interest"),
             ms("refactor", self.refactor_ms, "after a change of handles"),
-            ms("open to first drag", self.first_drag_ms, "all of the above and a drag, once"),
+            ms("open to first drag", self.first_drag_ms, "read, simplify, bind, prepare, drag: the first of each"),
             ms(
                 "drag, median",
                 self.drag_ms_median,
