@@ -3,13 +3,15 @@
 //! `cargo bench --bench cage_sweep` sweeps cages of 1, 2, 5 and 10 % and no cage on 50,000 vertices;
 //! `cargo bench --bench cage_sweep -- 200000` takes another number. Under `cargo test` it takes 2,000.
 //!
-//! The creature's scene is dragged in 20 steps of 2 iterations through each cage, with default options (local rule,
-//! frames, cotangent weights), and the error is that of the last step. A drag step is one solve and one propagation. What limits it is
+//! The creature's scene is dragged in 20 steps of 2 iterations through each cage, with default options (frames,
+//! cotangent weights), and the error is that of the last step. A drag step is one solve and one propagation. What limits it is
 //! the solve's, so roughly linear in the number of cage vertices, plus a propagation that depends on the shape alone:
 //! small cages gain less and less.
 //!
 //! The sweep runs five times and each time is the median, so a busy moment spoils one sweep and not one row. Errors do
 //! not vary at all, which is checked. Times of different runs should not be compared: read the ratios below the table.
+
+mod common;
 
 use std::error::Error;
 use std::time::Instant;
@@ -24,7 +26,9 @@ const VERTICES_IN_TESTS: usize = 2_000;
 const REPEATS: usize = 5;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let Some(vertices) = asked_vertices() else { return Ok(()) };
+    let Some(arguments) = common::arguments("cage_sweep") else { return Ok(()) };
+    let default = if arguments.measured { VERTICES } else { VERTICES_IN_TESTS };
+    let vertices = arguments.numbers.first().copied().unwrap_or(default);
     let shape = creature(vertices)?;
     let scene = Scene::builtin("creature")?;
     let cages = [0.01, 0.02, 0.05, 0.1].map(|share| SweepSize::Cage(CageSize::Fraction(share)));
@@ -48,27 +52,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{}", report.to_markdown(Detail::Main));
     print_ratios(&report);
     Ok(())
-}
-
-/// The number of vertices to run with; `None` to run nothing.
-///
-/// Cargo hands every bench the same arguments: `--bench` when benches are to be measured (else they are only tested), options of
-/// other harnesses, which are skipped, and words that choose benches by name.
-fn asked_vertices() -> Option<usize> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let has = |flag: &str| arguments.iter().any(|a| a == flag);
-    if has("--list") {
-        println!("cage_sweep: benchmark");
-        return None;
-    }
-    let (numbers, names): (Vec<&String>, Vec<&String>) =
-        arguments.iter().filter(|a| !a.starts_with('-')).partition(|a| a.parse::<usize>().is_ok());
-    if !names.is_empty() && names.iter().all(|name| !"cage_sweep".contains(name.as_str())) {
-        eprintln!("cage_sweep is not among the benches asked for");
-        return None;
-    }
-    let default = if has("--bench") && !has("--test") { VERTICES } else { VERTICES_IN_TESTS };
-    Some(numbers.first().and_then(|n| n.parse().ok()).unwrap_or(default))
 }
 
 /// The first report with the median over all reports in place of each time.

@@ -13,10 +13,10 @@ use std::time::Duration;
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput};
-use pliant::glam::DVec3;
+use pliant::glam::{DVec3, Vec3};
 use pliant::{
-    Binding, CageSize, Deformer, FrameFit, Frames, Goals, Handle, Method, Propagation, Propagator, Prune, Region,
-    ResolvedScene, Scene, Silent, TriMesh, VertexSet, creature, simplify,
+    BindOptions, CageSize, Deformer, FrameFit, Frames, Goals, Handle, Method, Propagation, Propagator, Prune, Region,
+    ResolvedScene, Scene, Silent, Simplified, Support, TriMesh, VertexSet, creature, simplify,
 };
 use rayon::prelude::*;
 
@@ -50,9 +50,9 @@ struct Models {
     shape_25k: TriMesh,
     shape_100k: TriMesh,
     /// 5 % of the largest shape.
-    cage_5k: TriMesh,
+    cage_5k: Simplified,
     /// A pair small enough for rules that look at every cage face for every vertex: 5,000 and 250 vertices.
-    small: (TriMesh, TriMesh),
+    small: (TriMesh, Simplified),
 }
 
 impl Models {
@@ -60,7 +60,7 @@ impl Models {
     fn new(share: usize) -> Result<Self, Box<dyn Error>> {
         let shape_100k = creature(100_000 / share)?;
         let small = creature((5_000 / share).max(2_000))?;
-        let cage = |shape: &TriMesh| simplify(shape, &CageSize::Fraction(0.05).into(), &Silent).map(|made| made.mesh);
+        let cage = |shape: &TriMesh| simplify(shape, &CageSize::Fraction(0.05).into(), &Silent);
         Ok(Self {
             shape_20k: creature(20_000 / share)?,
             shape_25k: creature(25_000 / share)?,
@@ -90,22 +90,29 @@ fn simplify_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
 
 /// Binding, in rows a second.
 ///
-/// Parallel over rows. `smooth` is a search for the 25 nearest cage vertices, bound by the latency of the tree (5,000
-/// points, so in the second-level cache). `local` adds a search for the nearest face and the mean value weights of some
-/// 60 faces, three arctangents each: bound by arithmetic. `magnitude` does that for every face of the cage, though only
-/// one arctangent an edge, so its ratio to `local` on one pair grows with the cage.
+/// Parallel over cage vertices and rows. The default rule, `smooth`, first finds for each cage vertex which others are near in
+/// space but far along the surface, and the nearest 24 over which its motion is averaged; both chase scattered vertices, bound by
+/// latency, and are most of its time at this size of cage. `+space` leaves the way along the surface out. `local:24` adds to each row
+/// a search for the nearest face and the mean value weights of some 60 faces, three arctangents each: bound by
+/// arithmetic. `magnitude` weighs near faces likewise and far ones by clusters, through a tree; `+exact` does every face of
+/// the cage, though with only one arctangent an edge, so its ratio to the others on one pair grows with the cage.
 fn bind_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("bind");
-    let (local, smooth, paper) = (Prune::Local { neighbours: 24 }, Prune::Smooth { neighbours: 24 }, Prune::PAPER);
+    let default = BindOptions::default();
+    let space = BindOptions { support: Support::Space, ..default };
+    let (local, paper) = (Prune::Local { neighbours: 24 }.into(), Prune::PAPER.into());
+    let exact = BindOptions { exact: true, ..paper };
     let large = (&models.shape_100k, &models.cage_5k);
     let small = (&models.small.0, &models.small.1);
-    let pairs = [("100K to 5K", large, &[local, smooth][..]), ("5K to 250", small, &[local, smooth, paper][..])];
+    let pairs = [
+        ("100K to 5K", large, &[default, space, local, paper][..]),
+        ("5K to 250", small, &[default, local, paper, exact][..]),
+    ];
     for (name, (shape, cage), rules) in pairs {
         group.throughput(Throughput::Elements(shape.vertex_count() as u64));
-        for rule in rules {
-            let options = (*rule).into();
-            group.bench_function(BenchmarkId::new(rule.to_string(), name), |b| {
-                b.iter(|| Binding::new(shape, cage, &options, &Silent).expect("the cage has faces"));
+        for options in rules {
+            group.bench_function(BenchmarkId::new(options.to_string(), name), |b| {
+                b.iter(|| cage.bind(shape, options, &Silent).expect("the cage has faces"));
             });
         }
     }
@@ -121,7 +128,7 @@ fn bind_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
 /// of a new region for the cage, and a growing share as meshes do.
 fn prepare_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("prepare");
-    for (name, mesh) in [("5K cage", &models.cage_5k), ("20K shape", &models.shape_20k)] {
+    for (name, mesh) in [("5K cage", &models.cage_5k.mesh), ("20K shape", &models.shape_20k)] {
         let (_, region) = edit(mesh)?;
         let method = Method::default();
         let mut deformer = method.prepare(mesh, &region)?;
@@ -151,7 +158,7 @@ fn prepare_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
 /// the shape, which outgrow the near cache. So unknowns a second fall from the one to the other.
 fn solve_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let mut group = criterion.benchmark_group("solve");
-    for (name, mesh) in [("5K cage", &models.cage_5k), ("25K direct", &models.shape_25k)] {
+    for (name, mesh) in [("5K cage", &models.cage_5k.mesh), ("25K direct", &models.shape_25k)] {
         let mut drag = Drag::new(mesh)?;
         group.throughput(Throughput::Elements(drag.deformer.prepared().unknowns as u64));
         group.bench_function(name, |b| b.iter(|| drag.step()));
@@ -160,38 +167,36 @@ fn solve_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     Ok(())
 }
 
-/// Propagation, in bytes a second, and a parallel copy of as many bytes.
+/// Propagation to single precision, in bytes a second, and a parallel copy of as many bytes.
 ///
-/// The bytes are what has to move once: each row's offset, indices and weights, the shape's positions written and, for
-/// frames, read at rest. The copy reads half of them and writes the other half. What belongs to the 5,000 cage vertices is
-/// small enough to stay in a near cache and is not counted. So the ratio of throughputs says how near a propagation is to
-/// the limit, the memory (or a last cache that holds these 11 to 14 MB, for both alike). Positions do 9 flops a weight;
-/// frames do 27, and first fit a rotation to each cage vertex, which is timed alone.
+/// The bytes are what has to move once: indices and weights of the rows, the shape's positions at rest, and those written. The copy
+/// reads half as many and writes the other half. What belongs to the 5,000 cage vertices stays in a near cache and is not
+/// counted. The ratio of throughputs says how far a propagation is from the limit that no program passes: the memory's, or that of
+/// a last cache that holds these 9 MB, which is several times as high. Nothing else runs between repeats of either, so each finds
+/// its arrays in caches that a solve would have used meanwhile: `scaling` times both after solves.
+///
+/// Neither way comes near it. Positions do 8 flops a weight on the 16 bytes of a place. Frames do 32 on the 64 of a motion, at
+/// the same pace whether or not the motions fit in the nearest cache, so they are bound by instructions; and for each cage vertex
+/// they first fit a rotation, which is timed alone, and average some 24 motions.
 fn apply_stage(criterion: &mut Criterion, models: &Models) -> Outcome {
     let (shape, cage) = (&models.shape_100k, &models.cage_5k);
-    let binding = Binding::new(shape, cage, &Prune::default().into(), &Silent)?;
-    let mut drag = Drag::new(cage)?;
+    let binding = cage.bind(shape, &BindOptions::default(), &Silent)?;
+    let mut drag = Drag::new(&cage.mesh)?;
     drag.step();
-    let rows = binding.shape_vertex_count();
-    let kept: usize = (0..rows).map(|i| binding.row(i).0.len()).sum();
-    let position = size_of::<DVec3>();
-    let row_bytes = rows * size_of::<u32>() + kept * (size_of::<u32>() + size_of::<f32>());
-
     let mut group = criterion.benchmark_group("apply 100K rows");
-    for (propagation, positions_moved) in [(Propagation::Positions, 1), (Propagation::Frames, 2)] {
-        let bytes = row_bytes + positions_moved * rows * position;
-        group.throughput(Throughput::Bytes(bytes as u64));
+    group.throughput(Throughput::Bytes(binding.propagated_bytes() as u64));
+    let mut positions = vec![Vec3::ZERO; shape.vertex_count()];
+    for propagation in [Propagation::Positions, Propagation::Frames] {
         let mut propagator = Propagator::new(propagation);
-        let mut pose = shape.positions.clone();
         group.bench_function(propagation.to_string(), |b| {
-            b.iter(|| propagator.apply(&binding, &drag.pose, black_box(&mut pose)));
+            b.iter(|| propagator.apply_f32(&binding, &drag.pose, black_box(&mut positions), None));
         });
-        copy(&mut group, &format!("{propagation}, plain copy"), bytes);
     }
+    copy(&mut group, "plain copy", binding.propagated_bytes());
     let mut frames = Frames::default();
-    group.throughput(Throughput::Elements(cage.vertex_count() as u64));
+    group.throughput(Throughput::Elements(cage.mesh.vertex_count() as u64));
     group.bench_function("frames, fitting 5K only", |b| {
-        b.iter(|| frames.fit(cage.topology(), &cage.positions, black_box(&drag.pose), FrameFit::Rotation));
+        b.iter(|| frames.fit(cage.mesh.topology(), &cage.mesh.positions, black_box(&drag.pose), FrameFit::Rotation));
     });
     group.finish();
     Ok(())

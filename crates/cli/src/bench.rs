@@ -35,6 +35,8 @@ fn measure(options: &BenchOptions) -> Result<()> {
         iterations: options.iterations,
         repeats: options.repeats as usize,
         exact: options.exact,
+        direct: options.direct,
+        ..TimingPlan::default()
     };
     let timing = time_stages(&study, &plan, read_ms, &console)?;
     if options.json {
@@ -46,13 +48,14 @@ fn measure(options: &BenchOptions) -> Result<()> {
 fn print(timing: &Timing, console: &Console) -> Result<()> {
     console.say("")?;
     console.say(&format!(
-        "{}: {} vertices, cage of {}, scene {}, {} thread{}; medians of {} (drags: of {})",
+        "{}: {} vertices, cage of {}, scene {}; {} thread{} on {}; medians of up to {} (drags: of {})",
         timing.model,
         count(timing.vertices),
         count(timing.cage_vertices),
         timing.scene,
         timing.threads,
         if timing.threads == 1 { "" } else { "s" },
+        timing.cpu.as_deref().unwrap_or("an unnamed processor"),
         timing.repeats,
         timing.drags,
     ))?;

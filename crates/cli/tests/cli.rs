@@ -176,6 +176,7 @@ fn bench_times_every_stage() {
         "bind_ms",
         "prepare_ms",
         "refactor_ms",
+        "first_drag_ms",
         "drag_ms_median",
         "drag_ms_p99",
         "local_ms",
@@ -189,13 +190,25 @@ fn bench_times_every_stage() {
     for key in keys {
         assert!(figure(&timing, key) > 0.0, "{key}");
     }
-    assert!(timing["bind_exact_ms"].is_null() && timing.get("peak_rss_bytes").is_some());
+    for key in ["bind_exact_ms", "bind_magnitude_ms", "direct_prepare_ms", "direct_drag_ms"] {
+        assert_eq!(timing.get(key), Some(&Value::Null), "{key}");
+    }
+    assert!(timing.get("peak_rss_bytes").is_some() && timing.get("cpu").is_some());
+    // With one repeat each, these times are parts of that one.
+    let parts: f64 = ["read_ms", "simplify_ms", "bind_ms", "prepare_ms"].iter().map(|key| figure(&timing, key)).sum();
+    assert!(figure(&timing, "first_drag_ms") > parts);
     assert_eq!(figure(&timing, "threads"), 1.0);
     assert!(figure(&timing, "drag_ms_p99") >= figure(&timing, "drag_ms_median"));
-    let exact = json(&["bench", "creature:2000", "--exact", "--threads", "2", "--repeats", "2", "--json"]);
-    assert!(figure(&exact, "bind_exact_ms") > 0.0);
-    assert_eq!(figure(&exact, "threads"), 2.0);
-    assert!(said(&["bench", "creature:2000", "--repeats", "1"]).contains("drag, median"));
+    let more = ["--exact", "--direct", "--threads", "2", "--repeats", "2", "--json"];
+    let more = json(&[&["bench", "creature:2000"][..], &more].concat());
+    for key in ["bind_exact_ms", "bind_magnitude_ms", "direct_prepare_ms", "direct_drag_ms"] {
+        assert!(figure(&more, key) > 0.0, "{key}");
+    }
+    assert_eq!(figure(&more, "threads"), 2.0);
+    let text = said(&["bench", "creature:2000", "--repeats", "1", "--direct"]);
+    for line in ["drag, median", "open to first drag", "drag without a cage"] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
 }
 
 #[test]

@@ -1,18 +1,20 @@
 //! How long each stage takes on a shape, on this machine.
 
+mod drags;
+
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
-use pliant_cage::{BindOptions, Propagation, Propagator, Prune};
-use pliant_deform::{Constraint, Deformer, Goals, Handle, Method, Region};
-use pliant_mesh::VertexSet;
-use rayon::prelude::*;
+use pliant_cage::{BindOptions, CageSize, Propagation, Propagator, Prune};
+use pliant_deform::Method;
+use pliant_mesh::Progress;
 use serde::{Deserialize, Serialize};
 
 use crate::StudyError;
-use crate::pipeline::{Bound, Caged, Study, SweepSize, median};
-use crate::stages::{Stages, milliseconds};
+use crate::pipeline::{Study, SweepSize, count, median};
+use crate::stages::{Stages, milliseconds, timed};
+use drags::{Drag, prepare, time_direct, time_normals};
 
 /// What is timed.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,10 +27,45 @@ pub struct TimingPlan {
     pub method: Method,
     /// Iterations a drag, after the initial guess.
     pub iterations: u32,
-    /// Times that simplify, bind, prepare and refactor are repeated, at least 1.
+    /// Times that simplify, bind, prepare and refactor are done, at least 1.
     pub repeats: usize,
-    /// Also bind with the 3 % rule by looking at every cage face for every shape vertex.
+    /// Drags, at least 1.
+    pub drags: usize,
+    /// Nothing is repeated once its repeats have taken this long.
+    pub patience: Duration,
+    /// Also bind with the 3 % rule, the fast way and by looking at every cage face for every shape vertex.
     pub exact: bool,
+    /// Also drag without a cage: the same solver on the shape itself.
+    pub direct: bool,
+}
+
+/// Default options on a cage of 5 %, two iterations a drag, 5 repeats and 2000 drags of three seconds each at most.
+impl Default for TimingPlan {
+    fn default() -> Self {
+        Self {
+            cage: SweepSize::Cage(CageSize::Fraction(0.05)),
+            bind: BindOptions::default(),
+            method: Method::default(),
+            iterations: 2,
+            repeats: 5,
+            drags: 2000,
+            patience: Duration::from_secs(3),
+            exact: false,
+            direct: false,
+        }
+    }
+}
+
+impl TimingPlan {
+    /// Median of a first time and of those of more repeats, as far as patience goes.
+    fn median<E>(&self, repeats: usize, first: f64, mut again: impl FnMut() -> Result<f64, E>) -> Result<f64, E> {
+        let start = Instant::now();
+        let mut times = vec![first];
+        while times.len() < repeats && start.elapsed() < self.patience {
+            times.push(again()?);
+        }
+        Ok(median(times))
+    }
 }
 
 /// Times of one run, medians over repeats unless the name says otherwise; milliseconds and bytes.
@@ -53,7 +90,9 @@ pub struct Timing {
     pub iterations: u32,
     /// Threads that worked.
     pub threads: usize,
-    /// Times that the stages before a drag were repeated.
+    /// What the processor calls itself; `null` where the system does not tell.
+    pub cpu: Option<String>,
+    /// Times that the stages before a drag were done, or fewer where patience ended.
     pub repeats: usize,
     /// Drags timed.
     pub drags: usize,
@@ -65,13 +104,17 @@ pub struct Timing {
     pub bind_ms: f64,
     /// To bind exactly by the 3 % rule, every cage face for every shape vertex; once, and only if asked for.
     pub bind_exact_ms: Option<f64>,
+    /// To bind by the 3 % rule the fast way, beside the exact one.
+    pub bind_magnitude_ms: Option<f64>,
     /// To assemble and factor the solver's matrix.
     pub prepare_ms: f64,
     /// To do it again after a change of handles.
     pub refactor_ms: f64,
+    /// From opening the file to the end of the first drag: read, weld, simplify, bind, prepare, drag. Once.
+    pub first_drag_ms: f64,
     /// A whole drag.
     pub drag_ms_median: f64,
-    /// 99 % of the drags take no longer.
+    /// 99 % of the drags take no longer; the longest of fewer than 100.
     pub drag_ms_p99: f64,
     /// Of a drag, the local steps: best rotations.
     pub local_ms: f64,
@@ -83,28 +126,41 @@ pub struct Timing {
     pub normals_ms: f64,
     /// Bytes that propagation reads and writes.
     pub propagate_bytes: usize,
-    /// A plain copy, by as many threads, that reads half as many bytes and writes half as many.
+    /// A plain copy, by as many threads, that reads half as many bytes and writes half as many; right after a solve, as propagation is.
     pub copy_ms: f64,
-    /// Most memory that the process held so far; `null` where the system does not tell.
+    /// Most memory that the process held up to the end of the drags, as the comparisons after them are no part of an edit; `null`
+    /// where the system does not tell.
     pub peak_rss_bytes: Option<u64>,
+    /// To prepare the solver without a cage; once, and only if asked for.
+    pub direct_prepare_ms: Option<f64>,
+    /// A drag without a cage, if asked for.
+    pub direct_drag_ms: Option<f64>,
 }
 
 impl Timing {
-    /// What to do to see these figures, stage by stage, in words with units: one line each.
+    /// Billions of bytes a second, where those of a propagation take `time` milliseconds.
+    pub fn gigabytes_a_second(&self, time: f64) -> f64 {
+        self.propagate_bytes as f64 / (1e6 * time.max(1e-9))
+    }
+
+    /// These figures in words with units, one line for each stage.
     pub fn lines(&self) -> Vec<String> {
         let ms = |what: &str, time: f64, note: &str| format!("{what:<28} {time:>10.3} ms   {note}");
-        let rate = |time: f64| self.propagate_bytes as f64 / (1e6 * time.max(1e-9));
+        let rate = |time: f64| self.gigabytes_a_second(time);
         let mut lines = vec![
             ms("read or make", self.read_ms, "once"),
             ms("simplify", self.simplify_ms, ""),
             ms("bind", self.bind_ms, &format!("{}, {:.1} weights a row", self.prune, self.kept_mean)),
         ];
-        if let Some(exact) = self.bind_exact_ms {
-            lines.push(ms("bind exactly (3 % rule)", exact, "every face for every vertex, once"));
+        if let (Some(fast), Some(exact)) = (self.bind_magnitude_ms, self.bind_exact_ms) {
+            lines.push(ms("bind by the 3 % rule", fast, ""));
+            let note = format!("every face for every vertex, once: {:.1} times as long", exact / fast);
+            lines.push(ms("bind exactly by it", exact, &note));
         }
         lines.extend([
             ms("prepare", self.prepare_ms, "once per region of interest"),
             ms("refactor", self.refactor_ms, "after a change of handles"),
+            ms("open to first drag", self.first_drag_ms, "read, simplify, bind, prepare, drag: the first of each"),
             ms(
                 "drag, median",
                 self.drag_ms_median,
@@ -118,13 +174,18 @@ impl Timing {
                 "plain copy of the bytes",
                 self.copy_ms,
                 &format!(
-                    "{:.1} GB/s; propagation reaches {:.0} % of it",
+                    "after a solve: {:.1} GB/s; propagation reaches {:.0} % of it",
                     rate(self.copy_ms),
                     1e2 * self.copy_ms / self.propagate_ms
                 ),
             ),
             ms("normals", self.normals_ms, "on request, not part of a drag"),
         ]);
+        if let (Some(prepare), Some(drag)) = (self.direct_prepare_ms, self.direct_drag_ms) {
+            lines.push(ms("prepare without a cage", prepare, "once"));
+            let note = format!("{:.1} times as long as with one", drag / self.drag_ms_median);
+            lines.push(ms("drag without a cage", drag, &note));
+        }
         if let Some(bytes) = self.peak_rss_bytes {
             lines.push(format!("{:<28} {:>10.1} MB", "peak memory", bytes as f64 / 1e6));
         }
@@ -132,19 +193,10 @@ impl Timing {
     }
 }
 
-/// Drags timed at most and at least, and for how long in between.
-const DRAGS: (usize, usize, Duration) = (200, 2000, Duration::from_secs(3));
-
-/// Steps from rest to the goals; the drags timed go back and forth in the middle of them.
-const STEPS: usize = 40;
-
-/// Drags before those that are timed.
-const WARM_UP: usize = 5;
-
-/// Copies and normals timed.
-const SHORT_REPEATS: usize = 25;
-
 /// Times every stage of an edit; `study` has the shape and its scene, `read_ms` is passed on.
+///
+/// First the way from the shape to its first drag, as a user takes it; then drags; then repeats of what came before them, and
+/// comparisons. Only the first cage, binding and solver are kept, so repeats add nothing to the memory of an edit.
 ///
 /// # Errors
 /// As the stages themselves; [`StudyError::BadSize`] without a cage.
@@ -157,195 +209,72 @@ pub fn time_stages(
     if plan.cage == SweepSize::None {
         return Err(StudyError::BadSize { found: plan.cage.to_string() });
     }
-    let repeats = plan.repeats.max(1);
-    let (caged, simplify_ms) = repeated(repeats, || study.cage(plan.cage, stages), |caged, _| caged.simplify_ms)?;
-    let (bound, bind_ms) = repeated(repeats, || study.bind(&caged, plan.bind, stages), |bound, _| bound.bind_ms)?;
-    let bind_exact_ms = match plan.exact {
-        true => Some(study.bind(&caged, exact(), stages)?.bind_ms),
+    let start = Instant::now();
+    let caged = study.cage(plan.cage, stages)?;
+    let bound = study.bind(&caged, plan.bind, stages)?;
+    let describe = |_: &_| format!("{} vertices", count(caged.mesh.vertex_count()));
+    let (mut drag, prepare_ms) = timed(stages, "prepare", |_| Drag::new(study, plan, &caged), describe)?;
+    let mut propagator = Propagator::new(Propagation::Frames).with_fit(study.frame_fit());
+    let mut shape = vec![Vec3::ZERO; study.shape.vertex_count()];
+    let mut carry = |pose: &[DVec3]| propagator.apply_f32(&bound.binding, pose, black_box(&mut shape), None);
+    drag.first(&mut carry)?;
+    let first_drag_ms = read_ms + milliseconds(start.elapsed());
+
+    let work = |_: &dyn Progress| drag.repeat(plan, &mut carry);
+    let (times, _) = timed(stages, "drag", work, |times| format!("{} drags", times.whole.len()))?;
+    let normals_ms = time_normals(study, &shape, plan)?;
+    let peak_rss_bytes = peak_rss_bytes();
+
+    let propagate_bytes = bound.binding.propagated_bytes();
+    let copy_ms = drag.time_copy(propagate_bytes, plan)?;
+    let refactor_ms = drag.time_refactor(plan)?;
+    let simplify_again = || study.cage(plan.cage, stages).map(|made| made.simplify_ms);
+    let bind_again = |options: BindOptions| study.bind(&caged, options, stages).map(|made| made.bind_ms);
+    let prepare_again = || {
+        let start = Instant::now();
+        prepare(study, plan, &caged)?;
+        Ok::<_, StudyError>(milliseconds(start.elapsed()))
+    };
+    let rule = BindOptions::from(Prune::PAPER);
+    let direct = match plan.direct {
+        true => Some(time_direct(study, plan, &study.cage(SweepSize::None, stages)?)?),
         false => None,
     };
-    let drag = Drags::run(study, plan, &caged, &bound, stages)?;
-    let report = bound.binding.report();
     Ok(Timing {
         model: study.model.clone(),
         vertices: study.shape.vertex_count(),
         cage_vertices: caged.mesh.vertex_count(),
         scene: study.scene.name.clone(),
         prune: plan.bind.to_string(),
-        kept_mean: report.kept_mean,
+        kept_mean: bound.binding.report().kept_mean,
         iterations: plan.iterations,
         threads: rayon::current_num_threads(),
-        repeats,
-        drags: drag.whole.len(),
+        cpu: cpu_name(),
+        repeats: plan.repeats.max(1),
+        drags: times.whole.len(),
         read_ms,
-        simplify_ms,
-        bind_ms,
-        bind_exact_ms,
-        prepare_ms: drag.prepare_ms,
-        refactor_ms: drag.refactor_ms,
-        drag_ms_p99: high_percentile(&drag.whole),
-        drag_ms_median: median(drag.whole),
-        local_ms: median(drag.local),
-        solve_ms: median(drag.global),
-        propagate_ms: median(drag.propagate),
-        normals_ms: drag.normals_ms,
-        propagate_bytes: bound.binding.propagated_bytes(),
-        copy_ms: time_copy(bound.binding.propagated_bytes()),
-        peak_rss_bytes: peak_rss_bytes(),
+        simplify_ms: plan.median(plan.repeats, caged.simplify_ms, simplify_again)?,
+        bind_ms: plan.median(plan.repeats, bound.bind_ms, || bind_again(plan.bind))?,
+        bind_exact_ms: plan.exact.then(|| bind_again(BindOptions { exact: true, ..rule })).transpose()?,
+        bind_magnitude_ms: plan
+            .exact
+            .then(|| plan.median(plan.repeats, bind_again(rule)?, || bind_again(rule)))
+            .transpose()?,
+        prepare_ms: plan.median(plan.repeats, prepare_ms, prepare_again)?,
+        refactor_ms,
+        first_drag_ms,
+        drag_ms_p99: high_percentile(&times.whole),
+        drag_ms_median: median(times.whole),
+        local_ms: median(times.local),
+        solve_ms: median(times.global),
+        propagate_ms: median(times.carry),
+        normals_ms,
+        propagate_bytes,
+        copy_ms,
+        peak_rss_bytes,
+        direct_prepare_ms: direct.map(|(prepare, _)| prepare),
+        direct_drag_ms: direct.map(|(_, drag)| drag),
     })
-}
-
-/// The exact way of the paper's rule.
-fn exact() -> BindOptions {
-    BindOptions { exact: true, ..Prune::PAPER.into() }
-}
-
-/// Times of drags.
-struct Drags {
-    prepare_ms: f64,
-    refactor_ms: f64,
-    normals_ms: f64,
-    whole: Vec<f64>,
-    local: Vec<f64>,
-    global: Vec<f64>,
-    propagate: Vec<f64>,
-}
-
-impl Drags {
-    fn run(
-        study: &Study<'_>,
-        plan: &TimingPlan,
-        caged: &Caged,
-        bound: &Bound,
-        stages: &dyn Stages,
-    ) -> Result<Self, StudyError> {
-        let named = |e| StudyError::deform(e, study.scene.handles.iter().map(|h| h.name.as_str()));
-        let method = plan.method.with_iterations(plan.iterations);
-        stages.begin("drag");
-        let begun = Instant::now();
-        let prepare = || method.prepare(&caged.mesh, &caged.region).map_err(named);
-        let (mut deformer, prepare_ms) = repeated(plan.repeats, prepare, |_, time| time)?;
-        let refactor = refactor(&mut *deformer, &caged.region, plan.repeats.max(1)).map_err(named)?;
-        let mut propagator = Propagator::new(Propagation::Frames).with_fit(study.frame_fit());
-        let goals = |step: usize| Goals::new(study.scene.goals(step as f64 / STEPS as f64));
-        let mut pose = caged.mesh.positions.clone();
-        for step in 1..STEPS / 2 {
-            deformer.solve(&goals(step), &mut pose).map_err(named)?;
-        }
-        let ends = [goals(STEPS / 2), goals(STEPS / 2 + 1)];
-        let mut shape = vec![Vec3::ZERO; study.shape.vertex_count()];
-        let mut made = Self {
-            prepare_ms,
-            refactor_ms: median(refactor),
-            normals_ms: 0.0,
-            whole: Vec::with_capacity(DRAGS.1),
-            local: Vec::with_capacity(DRAGS.1),
-            global: Vec::with_capacity(DRAGS.1),
-            propagate: Vec::with_capacity(DRAGS.1),
-        };
-        let mut drag = |made: &mut Self, goals: &Goals, shape: &mut [Vec3], propagator: &mut Propagator| {
-            let start = Instant::now();
-            deformer.solve(goals, &mut pose)?;
-            let solved = Instant::now();
-            propagator.apply_f32(&bound.binding, &pose, black_box(shape), None);
-            made.propagate.push(milliseconds(solved.elapsed()));
-            made.whole.push(milliseconds(start.elapsed()));
-            let times = deformer.step_times();
-            made.local.push(milliseconds(times.local));
-            made.global.push(milliseconds(times.global));
-            Ok(())
-        };
-        for warm in 0..WARM_UP {
-            drag(&mut made, &ends[warm % 2], &mut shape, &mut propagator).map_err(named)?;
-        }
-        for times in [&mut made.whole, &mut made.local, &mut made.global, &mut made.propagate] {
-            times.clear();
-        }
-        let start = Instant::now();
-        while made.whole.len() < DRAGS.0 || (made.whole.len() < DRAGS.1 && start.elapsed() < DRAGS.2) {
-            let end = &ends[(made.whole.len() + WARM_UP) % 2];
-            drag(&mut made, end, &mut shape, &mut propagator).map_err(named)?;
-        }
-        let mut buffer = pliant_mesh::NormalBuffer::default();
-        let mut normals = vec![Vec3::ZERO; shape.len()];
-        let mut once = || {
-            let start = Instant::now();
-            buffer.compute(study.shape.topology(), &shape, black_box(&mut normals));
-            milliseconds(start.elapsed())
-        };
-        once();
-        made.normals_ms = median((0..SHORT_REPEATS).map(|_| once()).collect());
-        stages.end("drag", begun.elapsed(), &format!("{} drags", made.whole.len()));
-        Ok(made)
-    }
-}
-
-/// Makes something `repeats` times, at least once: the last one, and the median of the times that `time` makes of each and of the
-/// milliseconds it took.
-fn repeated<T, E>(
-    repeats: usize,
-    make: impl Fn() -> Result<T, E>,
-    time: impl Fn(&T, f64) -> f64,
-) -> Result<(T, f64), E> {
-    let timed = || {
-        let start = Instant::now();
-        let made = make()?;
-        let own = time(&made, milliseconds(start.elapsed()));
-        Ok((made, own))
-    };
-    let (mut made, first) = timed()?;
-    let mut times = vec![first];
-    for _ in 1..repeats {
-        let (again, time) = timed()?;
-        made = again;
-        times.push(time);
-    }
-    Ok((made, median(times)))
-}
-
-/// Takes one vertex out of the first handle that has two and puts it back, again and again; or makes its handle soft and hard.
-fn refactor(
-    deformer: &mut dyn Deformer,
-    region: &Region,
-    repeats: usize,
-) -> Result<Vec<f64>, pliant_deform::DeformError> {
-    let all = VertexSet::all(region.vertex_count());
-    let mut handles: Vec<Handle> = region.handles().to_vec();
-    match handles.iter().position(|h| h.vertices.len() > 1) {
-        Some(at) => handles[at].vertices = handles[at].vertices.iter().skip(1).collect(),
-        None => {
-            for handle in handles.iter_mut().take(1) {
-                handle.constraint = Constraint::Soft(1.0);
-            }
-        }
-    }
-    let changed = Region::new(region.vertex_count(), &all, &handles)?;
-    let mut times = Vec::with_capacity(2 * repeats);
-    for _ in 0..repeats {
-        for region in [&changed, region] {
-            let start = Instant::now();
-            deformer.set_region(region)?;
-            times.push(milliseconds(start.elapsed()));
-        }
-    }
-    Ok(times)
-}
-
-/// Moves `bytes` in all, half read and half written, by all threads.
-fn time_copy(bytes: usize) -> f64 {
-    const CHUNK: usize = 1 << 15;
-    let from = vec![DVec3::ONE; (bytes / 2 / size_of::<DVec3>()).max(1)];
-    let mut to = vec![DVec3::ZERO; from.len()];
-    let mut once = || {
-        let start = Instant::now();
-        to.par_chunks_mut(CHUNK)
-            .zip(black_box(&from).par_chunks(CHUNK))
-            .for_each(|(to, from)| to.copy_from_slice(from));
-        black_box(&mut to);
-        milliseconds(start.elapsed())
-    };
-    once();
-    median((0..SHORT_REPEATS).map(|_| once()).collect())
 }
 
 /// The smallest time that 99 % of them do not exceed.
@@ -356,9 +285,47 @@ fn high_percentile(times: &[f64]) -> f64 {
     sorted.get(at).copied().unwrap_or(0.0)
 }
 
+/// What the processor calls itself, where Linux knows it.
+fn cpu_name() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let (_, name) =
+        text.lines().filter_map(|line| line.split_once(':')).find(|(key, _)| key.trim_end() == "model name")?;
+    Some(name.trim().to_owned())
+}
+
 /// High-water mark of the resident set, which Linux keeps.
 fn peak_rss_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ranks of 1, 2, .. n in any order are the numbers themselves.
+    #[test]
+    fn of_100_times_99_do_not_exceed_the_percentile() {
+        for (n, expected) in [(1_u32, 1.0), (2, 2.0), (99, 99.0), (100, 99.0), (101, 100.0), (300, 297.0)] {
+            let times: Vec<f64> = (1..=n).rev().map(f64::from).collect();
+            assert_eq!(high_percentile(&times), expected, "{n}");
+        }
+    }
+
+    #[test]
+    fn repeats_end_with_their_number_and_with_patience() {
+        let (long, none) = (Duration::from_secs(3600), Duration::ZERO);
+        for (repeats, patience, done) in [(7, long, 7), (1, long, 1), (0, long, 1), (7, none, 1)] {
+            let mut calls = 1;
+            let plan = TimingPlan { patience, ..TimingPlan::default() };
+            let again = || {
+                calls += 1;
+                Ok::<_, StudyError>(f64::from(calls))
+            };
+            // Times are 1, 2, .. with the lower of two middle ones.
+            assert_eq!(plan.median(repeats, 1.0, again).expect("no error"), f64::from((done + 1) / 2));
+            assert_eq!(calls, done);
+        }
+    }
 }
