@@ -35,9 +35,10 @@ pub const MAX_WINDOW: u32 = 20;
 #[serde(rename_all = "snake_case")]
 pub enum ArapEnergy {
     /// The edges at the vertex (Sorkine and Alexa 2007).
-    #[default]
     Spokes,
-    /// All edges of the faces round the vertex (Chao et al. 2010): bends more smoothly, at nearly the same cost.
+    /// All edges of the faces round the vertex (Chao et al. 2010): bends more smoothly, at nearly the same cost, with milder worst cases
+    /// on cages (`data/quality.md`).
+    #[default]
     SpokesAndRims,
 }
 
@@ -63,7 +64,7 @@ pub enum Acceleration {
 pub struct ArapOptions {
     /// Default: cotangent.
     pub weights: EdgeWeightKind,
-    /// Default: spokes.
+    /// Default: spokes and rims.
     pub energy: ArapEnergy,
     /// Iterations after the initial guess, at most [`MAX_ITERATIONS`]; with a tolerance, the most that are done.
     /// Default: 2. With 0 the result is the guess.
@@ -91,7 +92,7 @@ impl Default for ArapOptions {
 impl ArapOptions {
     /// As in *Hybrid Mesh Editing*: weights 1, spokes, two iterations.
     pub fn faithful() -> Self {
-        Self { weights: EdgeWeightKind::Uniform, ..Self::default() }
+        Self { weights: EdgeWeightKind::Uniform, energy: ArapEnergy::Spokes, ..Self::default() }
     }
 
     /// Iterates until the energy falls by less than 1e-6 of itself, at most 1000 times.
