@@ -48,7 +48,7 @@ mod patch;
 mod region;
 mod text;
 
-pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
+pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
 pub use laplacian::{Details, LaplacianOptions};

@@ -2,9 +2,9 @@
 
 mod common;
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
-use common::{along_x, bar, distance, pyramid, sheet, torus};
+use common::{along_x, bar, distance, pyramid, sheet, torus, twist};
 use glam::DVec3;
 use pliant_deform::laplacian::{Details, Laplacian, LaplacianOptions};
 use pliant_deform::{
@@ -237,24 +237,6 @@ fn the_plain_solution_is_that_of_a_dense_implementation() {
             }
         }
     }
-}
-
-/// The sum of the angles between consecutive cross-sections of a bar along x, each the best rotation about x between the two.
-pub(crate) fn twist(rest: &TriMesh, pose: &[DVec3]) -> f64 {
-    let mut stations: Vec<f64> = rest.positions.iter().map(|p| p.x).collect();
-    stations.sort_unstable_by(f64::total_cmp);
-    stations.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
-    let centre = rest.bounds().centre();
-    let angle = |x: f64| {
-        // Of the best rotation in the plane: sum of cross products over that of scalar products.
-        let section = rest.positions.iter().zip(pose).filter(|(p, _)| (p.x - x).abs() < 1e-6);
-        let (cross, dot) = section.fold((0.0, 0.0), |(cross, dot), (p, q)| {
-            let (p, q) = (*p - centre, *q - centre);
-            (cross + p.y * q.z - p.z * q.y, dot + p.y * q.y + p.z * q.z)
-        });
-        cross.atan2(dot)
-    };
-    stations.windows(2).map(|pair| (angle(pair[1]) - angle(pair[0]) + 3.0 * PI).rem_euclid(TAU) - PI).sum()
 }
 
 /// A bar whose end is turned twice about its axis: only the propagated variant, told of the turns, can know.
