@@ -17,7 +17,7 @@ use std::error::Error;
 use std::time::Instant;
 
 use pliant::{
-    BindOptions, CageSize, Detail, Iterations, Method, Propagation, Scene, Silent, Start, SweepPlan, SweepReport,
+    BindOptions, CageSize, Detail, Iterations, Method, Propagation, Scene, Silent, StartFrom, SweepPlan, SweepReport,
     SweepRow, SweepSize, creature, sweep,
 };
 
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         methods: vec![Method::default()],
         iterations: vec![Iterations::Count(2)],
         steps: 20,
-        start: Start::default(),
+        start: StartFrom::default(),
     };
     let mut reports = Vec::with_capacity(REPEATS);
     for repeat in 1..=REPEATS {

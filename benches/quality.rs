@@ -17,7 +17,7 @@ use std::path::Path;
 use pliant::glam::DVec3;
 use pliant::{
     Acceleration, ArapEnergy, ArapOptions, BindOptions, CageSize, EdgeWeightKind, Iterations, Method, Propagation,
-    Scene, Schedule, Silent, Start, Study, SweepRow, SweepSize, TriMesh, creature, read, select, simplify,
+    Scene, Schedule, Silent, StartFrom, Study, SweepRow, SweepSize, TriMesh, creature, read, select, simplify,
     vertex_normals,
 };
 
@@ -176,7 +176,7 @@ struct Table(BTreeMap<Key, Vec<[f64; 4]>>);
 fn methods(schedule: Schedule) -> Vec<(&'static str, Method, Schedule)> {
     let arap = ArapOptions::default();
     let with = |name, options| (name, Method::Arap(options), schedule);
-    let pose = ("starting from the pose", Method::Arap(arap.clone()), Schedule { start: Start::Pose, ..schedule });
+    let pose = ("starting from the pose", Method::Arap(arap.clone()), Schedule { start: StartFrom::Pose, ..schedule });
     if schedule.iterations == Iterations::Count(MANY[0]) {
         let accelerated = ArapOptions { acceleration: Acceleration::Anderson { window: 5 }, ..arap };
         let fewer = Schedule { iterations: Iterations::Count(MANY[1]), ..schedule };
@@ -203,9 +203,9 @@ fn measure(name: &str, shape: &TriMesh, scene: &Scene, sizes: &[f64], table: &mu
         }
     };
     let schedules = [
-        ("2 iterations", Schedule { steps: 1, iterations: Iterations::Count(2), start: Start::Levels }),
-        ("8 iterations", Schedule { steps: 1, iterations: Iterations::Count(MANY[0]), start: Start::Levels }),
-        ("converged", Schedule { steps: 4, iterations: Iterations::Converged, start: Start::Levels }),
+        ("2 iterations", Schedule { steps: 1, iterations: Iterations::Count(2), start: StartFrom::Levels }),
+        ("8 iterations", Schedule { steps: 1, iterations: Iterations::Count(MANY[0]), start: StartFrom::Levels }),
+        ("converged", Schedule { steps: 4, iterations: Iterations::Converged, start: StartFrom::Levels }),
     ];
     let none = study.cage(SweepSize::None, &Silent)?;
     let own = study.bind(&none, BindOptions::default(), &Silent)?;
@@ -217,7 +217,7 @@ fn measure(name: &str, shape: &TriMesh, scene: &Scene, sizes: &[f64], table: &mu
         };
         let usual = solve(&Method::default(), schedule)?;
         // Without a cage there are no coarser ones to start from.
-        for (what, method, schedule) in methods(schedule).into_iter().filter(|m| m.2.start == Start::Levels) {
+        for (what, method, schedule) in methods(schedule).into_iter().filter(|m| m.2.start == StartFrom::Levels) {
             table.put(named, "none", what.to_owned(), &solve(&method, schedule)?, &usual);
         }
         direct.push(usual);

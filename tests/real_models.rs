@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use pliant::glam::DVec3;
 use pliant::{
-    BindOptions, Binding, CageSize, Iterations, Method, Propagation, Prune, Scene, Silent, Start, SweepPlan, TriMesh,
-    read, simplify, sweep, vertex_normals,
+    BindOptions, Binding, CageSize, Iterations, Method, Propagation, Prune, Scene, Silent, StartFrom, SweepPlan,
+    TriMesh, read, simplify, sweep, vertex_normals,
 };
 
 /// Fetched models of at most `most` vertices: path and mesh.
@@ -80,7 +80,7 @@ fn no_model_blows_up() {
             methods: vec![Method::default()],
             iterations: vec![Iterations::Count(2)],
             steps: 1,
-            start: Start::default(),
+            start: StartFrom::default(),
         };
         let report = sweep("model", &shape, &scene, &plan, &Silent).unwrap_or_else(|e| panic!("{name}: {e}"));
         let [cage, direct] = &report.rows[..] else { panic!("two rows") };

@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use pliant::{ArapEnergy, ArapOptions, BindOptions, EdgeWeightKind, Iterations, Method, Propagation, Start, SweepSize};
+use pliant::{
+    ArapEnergy, ArapOptions, BindOptions, EdgeWeightKind, Iterations, Method, Propagation, StartFrom, SweepSize,
+};
 
 const LEARN_MORE: &str = "\
-Start with `pliant demo`, then try an edit of your own:
+StartFrom with `pliant demo`, then try an edit of your own:
   pliant edit bunny.obj --cage 5% -o out/bunny.glb
   pliant sweep bunny.obj --sizes 1%,5%,none -o out/bunny
 `pliant COMMAND --help` explains each command with examples.";
@@ -115,7 +117,7 @@ pub(crate) struct EditOptions {
     pub(crate) steps: u32,
     /// What each solve on a cage starts from: levels (coarser cages, where the goals are far) or pose (the last pose alone).
     #[arg(long, default_value_t)]
-    pub(crate) start: Start,
+    pub(crate) start: StartFrom,
     #[command(flatten)]
     pub(crate) arap: ArapArguments,
     /// File to write: obj, ply or glb.
@@ -164,7 +166,7 @@ pub(crate) struct SweepOptions {
     pub(crate) steps: u32,
     /// What each solve on a cage starts from: levels (coarser cages, where the goals are far) or pose (the last pose alone).
     #[arg(long, default_value_t)]
-    pub(crate) start: Start,
+    pub(crate) start: StartFrom,
     #[command(flatten)]
     pub(crate) arap: ArapArguments,
     /// Write PREFIX.json, PREFIX.csv, PREFIX.md and PREFIX.svg.

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use pliant::{
-    BindOptions, Bounds, Iterations, Method, Picture, PictureOptions, Propagation, Scene, Schedule, Stages, Start,
+    BindOptions, Bounds, Iterations, Method, Picture, PictureOptions, Propagation, Scene, Schedule, Stages, StartFrom,
     Study, SweepPlan, SweepReport, SweepRow, SweepSize, TriMesh, render, strip, sweep, timed, trim_alike, write,
     write_png,
 };
@@ -37,7 +37,7 @@ pub(crate) fn run(options: &DemoOptions) -> Result<()> {
 
     let caged = study.cage(CAGE, &console)?;
     let bound = study.bind(&caged, BindOptions::default(), &console)?;
-    let schedule = Schedule { steps: 10, iterations: Iterations::Converged, start: Start::default() };
+    let schedule = Schedule { steps: 10, iterations: Iterations::Converged, start: StartFrom::default() };
     let dragged = study.drag(&caged, &Method::default(), schedule, &console)?;
     let (pose, row) = study.carry(&caged, &bound, &dragged, Propagation::default(), &console);
 
@@ -125,7 +125,7 @@ fn small_sweep(model: &Model, scene: &Scene, console: &Console) -> Result<SweepR
         methods: vec![Method::default()],
         iterations: vec![Iterations::Count(2)],
         steps: 1,
-        start: Start::default(),
+        start: StartFrom::default(),
     };
     Ok(sweep(&model.name, &model.mesh, scene, &plan, console)?)
 }

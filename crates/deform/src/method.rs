@@ -1,11 +1,13 @@
 use std::fmt;
+use std::str::FromStr;
 use std::time::Duration;
 
 use glam::DVec3;
 use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
-use crate::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
+use crate::arap::{Arap, ArapOptions};
+use crate::laplacian::{Laplacian, LaplacianOptions};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -13,8 +15,10 @@ use crate::{DeformError, Goals, Region};
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Method {
-    /// As-rigid-as-possible surface modeling.
+    /// As-rigid-as-possible surface modeling: iterates, keeps lengths best.
     Arap(ArapOptions),
+    /// Laplacian surface editing: one or two linear solves.
+    Laplacian(LaplacianOptions),
 }
 
 impl Default for Method {
@@ -28,52 +32,67 @@ impl Method {
     ///
     /// # Errors
     /// [`DeformError::BadOption`], [`DeformError::WrongCount`] if the region was made for another mesh,
-    /// [`DeformError::Mesh`] for a rest shape that is not finite, [`DeformError::Singular`], [`DeformError::TooLarge`].
+    /// [`DeformError::Mesh`] for a rest shape that is not finite, [`DeformError::Unconstrained`], [`DeformError::Singular`],
+    /// [`DeformError::TooLarge`].
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
+            Self::Laplacian(options) => Ok(Box::new(Laplacian::prepare(options, rest, region)?)),
         }
     }
 }
 
 impl Method {
-    /// The same method with exactly this many iterations a solve.
+    /// The same method with exactly this many iterations a solve; one that does not iterate stays as it is.
     #[must_use]
     pub fn with_iterations(&self, iterations: u32) -> Self {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
+            Self::Laplacian(_) => self.clone(),
         }
     }
 
-    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times.
+    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times; one
+    /// that does not iterate stays as it is.
     #[must_use]
     pub fn until_converged(&self, tolerance: f64, most: u32) -> Self {
         match self {
             Self::Arap(options) => {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
+            Self::Laplacian(_) => self.clone(),
         }
     }
 }
 
-/// Name, weights and energy, as tables print them: `arap cotangent spokes`.
+/// `name`, or `name:token+token` with the options that differ from the default: `arap:uniform`.
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Arap(options) => {
-                let weights = match options.weights {
-                    EdgeWeightKind::Cotangent => "cotangent",
-                    EdgeWeightKind::Uniform => "uniform",
-                };
-                let energy = match options.energy {
-                    ArapEnergy::Spokes => "spokes",
-                    ArapEnergy::SpokesAndRims => "spokes-and-rims",
-                };
-                write!(f, "arap {weights} {energy}")
-            }
+        let (name, options) = match self {
+            Self::Arap(options) => ("arap", options.to_string()),
+            Self::Laplacian(options) => ("laplacian", options.to_string()),
+        };
+        f.write_str(name)?;
+        if options.is_empty() { Ok(()) } else { write!(f, ":{options}") }
+    }
+}
+
+/// Reads what `Display` writes.
+impl FromStr for Method {
+    type Err = DeformError;
+
+    fn from_str(text: &str) -> Result<Self, DeformError> {
+        let (name, options) = text.split_once(':').unwrap_or((text, ""));
+        match name {
+            "arap" => Ok(Self::Arap(options.parse()?)),
+            "laplacian" => Ok(Self::Laplacian(options.parse()?)),
+            _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
     }
 }
+
+/// The names of the methods.
+const NAMES: &str = "arap or laplacian";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {
@@ -90,9 +109,9 @@ pub trait Deformer: Send {
 
     /// Makes ready for another region of the same rest shape: handles added, removed, grown, or moved between hard and soft.
     ///
-    /// Solutions are then those of a deformer freshly prepared for `region`. Where the region of interest has the same vertices
-    /// as before, only numbers are computed again; otherwise everything that depends on it is. Poses are not touched, so the next solve
-    /// may start from the last one. On an error the deformer stays as it was and solves for the region it had.
+    /// Solutions are then those of a deformer freshly prepared for `region`. As-rigid-as-possible deformation computes only numbers again
+    /// where the region of interest has the same vertices as before; otherwise everything that depends on the region is. Poses are not
+    /// touched, so the next solve may start from the last one. On an error the deformer stays as it was and solves for the region it had.
     ///
     /// # Errors
     /// As [`Method::prepare`].
@@ -125,9 +144,6 @@ pub struct StepTimes {
 pub struct PrepareReport {
     /// Vertices solved for: free ones and those of soft handles.
     pub unknowns: usize,
-    /// Vertices of the region of interest that no path along edges joins to anything held, unused ones included. They
-    /// stay in the incoming pose.
-    pub unconstrained: usize,
     /// Edge weights that had to be changed to keep the equations well-behaved.
     pub clamped_weights: usize,
     /// Numbers stored for solving.
@@ -137,14 +153,12 @@ pub struct PrepareReport {
 /// What a solve did.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SolveReport {
-    /// Iterations done.
+    /// Iterations done; 0 by a method that does not iterate.
     pub iterations: u32,
-    /// Whether the method's tolerance was met; `false` where none is set.
+    /// Whether the method's tolerance was met: `false` where none is set, `true` for a method that does not iterate.
     pub converged: bool,
     /// The method's energy before the first iteration, in its own units; only where the stop rule needs it.
     pub energy_before: Option<f64>,
     /// The method's energy of the result; only where the stop rule needs it.
     pub energy_after: Option<f64>,
-    /// Vertices held in the incoming pose because nothing constrains them ([`PrepareReport::unconstrained`]).
-    pub unconstrained: usize,
 }

@@ -157,7 +157,8 @@ impl CoarseStart {
                 Some(finer) => (&finer.region, &finer.level.mesh.positions),
             };
             let carried = carry_region(region, &level.origin, rest, &level.mesh.positions);
-            let made = carried.ok().map(|carried| carried.region).and_then(|region| {
+            let made = carried.ok().and_then(|carried| {
+                let (region, _) = carried.region.without_unconstrained(level.mesh.topology());
                 if let Some(known) = coarser.first_mut() {
                     known.deformer.set_region(&region).ok()?;
                     known.region = region;

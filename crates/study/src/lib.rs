@@ -14,7 +14,7 @@ mod timing;
 
 pub use error::StudyError;
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
-pub use pipeline::{Bound, CONVERGED, Caged, Dragged, Iterations, Schedule, Start, Study, SweepSize, count};
+pub use pipeline::{Bound, CONVERGED, Caged, Dragged, Iterations, Schedule, StartFrom, Study, SweepSize, count};
 pub use report::{Detail, ModelInfo, ReportError, SweepReport, SweepRow};
 pub use scene::{ResolvedHandle, ResolvedScene, Scene, SceneError};
 pub use stages::{Stages, timed};

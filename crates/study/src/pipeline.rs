@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_cage::{BindOptions, Binding, CageError, CageSize, Propagation, Propagator, Simplified, simplify};
-use pliant_deform::{DeformError, Deformer, Goals, Handle, Method, Region};
+use pliant_deform::{DeformError, Deformer, Handle, Method, Region};
 use pliant_mesh::metrics::{edge_errors, largest_free_stretch};
 use pliant_mesh::{FrameFit, TriMesh, VertexSet};
 use pliant_session::{Levels, NoRoom, carry_region};
@@ -109,13 +109,13 @@ pub struct Schedule {
     /// Iterations in each.
     pub iterations: Iterations,
     /// What each starts from.
-    pub start: Start,
+    pub start: StartFrom,
 }
 
 /// What a solve on a cage starts from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Start {
+pub enum StartFrom {
     /// The answer of coarser cages where the goals are far ([`Levels`]), else the pose as it is. Without a cage always the pose.
     #[default]
     Levels,
@@ -123,7 +123,7 @@ pub enum Start {
     Pose,
 }
 
-impl fmt::Display for Start {
+impl fmt::Display for StartFrom {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Levels => "levels",
@@ -132,7 +132,7 @@ impl fmt::Display for Start {
     }
 }
 
-impl FromStr for Start {
+impl FromStr for StartFrom {
     type Err = StudyError;
 
     fn from_str(text: &str) -> Result<Self, StudyError> {
@@ -175,10 +175,10 @@ impl Caged {
     ///
     /// # Errors
     /// As [`Method::prepare`].
-    pub(crate) fn prepare(&self, method: &Method, start: Start) -> Result<Box<dyn Deformer>, DeformError> {
+    pub(crate) fn prepare(&self, method: &Method, start: StartFrom) -> Result<Box<dyn Deformer>, DeformError> {
         match start {
-            Start::Levels => Ok(Box::new(self.levels.prepare(method, &self.mesh, &self.region)?)),
-            Start::Pose => method.prepare(&self.mesh, &self.region),
+            StartFrom::Levels => Ok(Box::new(self.levels.prepare(method, &self.mesh, &self.region)?)),
+            StartFrom::Pose => method.prepare(&self.mesh, &self.region),
         }
     }
 }
@@ -227,16 +227,11 @@ impl<'a> Study<'a> {
     /// The size is out of range, or two handles would have to share a cage vertex.
     pub fn cage(&self, size: SweepSize, stages: &dyn Stages) -> Result<Caged, StudyError> {
         let region = self.region()?;
+        let mut warnings = Vec::new();
         let SweepSize::Cage(cage_size) = size else {
-            return Ok(Caged {
-                size,
-                mesh: self.shape.clone(),
-                simplified: None,
-                simplify_ms: 0.0,
-                region,
-                levels: Levels::default(),
-                warnings: Vec::new(),
-            });
+            let (mesh, region) = (self.shape.clone(), Self::joined(&region, self.shape, &mut warnings));
+            let levels = Levels::default();
+            return Ok(Caged { size, mesh, simplified: None, simplify_ms: 0.0, region, levels, warnings });
         };
         let work = |progress: &dyn pliant_mesh::Progress| {
             let made = simplify(self.shape, &cage_size.into(), progress)?;
@@ -247,24 +242,24 @@ impl<'a> Study<'a> {
             format!("{} of {} vertices", count(made.report.reached), count(self.shape.vertex_count()))
         };
         let ((made, levels), simplify_ms) = timed(stages, "simplify", work, describe)?;
-        let mut warnings = made.report.warnings();
         // With nothing collapsed the cage is the shape itself, vertices without faces included.
         let whole = made.report.reached + made.report.unused == self.shape.vertex_count();
-        let (mesh, region, levels) =
-            if whole {
-                (self.shape.clone(), region, Levels::default())
-            } else {
-                let mesh = made.mesh.clone();
-                let carried = carry_region(&region, &made.origin, &self.shape.positions, &mesh.positions)
-                    .map_err(|no_room| self.no_room(no_room, mesh.vertex_count()))?;
-                warnings.splice(0..0, carried.stand_ins.iter().map(|&handle| {
+        let (mesh, region, levels) = if whole {
+            (self.shape.clone(), region, Levels::default())
+        } else {
+            let mesh = made.mesh.clone();
+            let carried = carry_region(&region, &made.origin, &self.shape.positions, &mesh.positions)
+                .map_err(|no_room| self.no_room(no_room, mesh.vertex_count()))?;
+            warnings.extend(carried.stand_ins.iter().map(|&handle| {
                 format!(
                     "no cage vertex lies in handle '{}': it holds the nearest one; a larger cage follows it better",
                     self.scene.handles[handle].name
                 )
             }));
-                (mesh, carried.region, levels)
-            };
+            (mesh, carried.region, levels)
+        };
+        let region = Self::joined(&region, &mesh, &mut warnings);
+        warnings.extend(made.report.warnings());
         Ok(Caged { size, mesh, simplified: Some(made), simplify_ms, region, levels, warnings })
     }
 
@@ -275,6 +270,18 @@ impl<'a> Study<'a> {
             .map(|own| Handle::hard(VertexSet::where_true(n, |v| self.labels[v as usize] == own)))
             .collect();
         Ok(Region::new(n, &VertexSet::all(n), &handles)?)
+    }
+
+    /// The region without what is joined to no handle on the control mesh, which stays where it is; said in a warning.
+    fn joined(region: &Region, mesh: &TriMesh, warnings: &mut Vec<String>) -> Region {
+        let (region, left_out) = region.without_unconstrained(mesh.topology());
+        if left_out > 0 {
+            warnings.push(format!(
+                "{} vertices of the control mesh are joined to no handle and stay where they are",
+                count(left_out)
+            ));
+        }
+        region
     }
 
     fn no_room(&self, no_room: NoRoom, vertices: usize) -> StudyError {
@@ -350,7 +357,7 @@ impl<'a> Study<'a> {
             let mut pose = caged.mesh.positions.clone();
             let mut times = Vec::with_capacity(steps);
             for step in 1..=steps {
-                let goals = Goals::new(self.scene.goals(step as f64 / steps as f64));
+                let goals = self.scene.goals_with_turns(step as f64 / steps as f64);
                 let start = Instant::now();
                 let deformer = match &mut finisher {
                     Some(finisher) if step == steps => Some(finisher),
@@ -358,12 +365,6 @@ impl<'a> Study<'a> {
                 };
                 if let Some(deformer) = deformer {
                     let report = deformer.solve(&goals, &mut pose)?;
-                    if step == steps && report.unconstrained > 0 {
-                        warnings.push(format!(
-                            "{} vertices of the control mesh are joined to no handle and stayed where they were",
-                            count(report.unconstrained)
-                        ));
-                    }
                     if step == steps && last.is_some() && !report.converged {
                         warnings.push(format!("not converged after {} iterations", report.iterations));
                     }

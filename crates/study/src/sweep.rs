@@ -5,7 +5,7 @@ use pliant_deform::{ArapOptions, Method};
 use pliant_mesh::TriMesh;
 
 use crate::paper::paper_sizes;
-use crate::pipeline::{Iterations, Schedule, Start, Study, SweepSize};
+use crate::pipeline::{Iterations, Schedule, StartFrom, Study, SweepSize};
 use crate::report::{ModelInfo, SweepReport};
 use crate::stages::Stages;
 use crate::{Scene, StudyError};
@@ -26,7 +26,7 @@ pub struct SweepPlan {
     /// Steps of each drag.
     pub steps: usize,
     /// What each solve on a cage starts from.
-    pub start: Start,
+    pub start: StartFrom,
 }
 
 impl SweepPlan {
@@ -42,7 +42,7 @@ impl SweepPlan {
             methods: vec![Method::Arap(ArapOptions::faithful())],
             iterations: vec![Iterations::Count(2), Iterations::Converged],
             steps: PAPER_STEPS,
-            start: Start::Pose,
+            start: StartFrom::Pose,
         }
     }
 }

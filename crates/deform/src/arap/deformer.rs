@@ -5,22 +5,19 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_linalg::{Cholesky, LinalgError};
+use pliant_mesh::TriMesh;
 use pliant_mesh::threads::among_threads;
-use pliant_mesh::{MeshError, TriMesh};
 
 use super::anderson::Anderson;
+use super::carried::Carried;
 use super::cells::{Cells, Term};
 use super::roles::Roles;
-use super::shape::{Frame, Shape};
-use super::steps::{
-    Columns, ENERGY_CHUNK, Row, energy, fit_rigid, fit_rotations, move_unknowns, point, row, spring_energy,
-};
-use super::{Acceleration, ArapOptions};
-use crate::error::HandleFault;
-use crate::{DeformError, Deformer, Goals, PrepareReport, Region, Role, SolveReport, StepTimes};
-
-/// Farthest goal, in diagonals of the rest shape: squares of it and their products must not overflow.
-const FARTHEST: f64 = 1e100;
+use super::shape::Shape;
+use super::steps::{Columns, ENERGY_CHUNK, Row, energy, fit_rotations, move_unknowns, point, row, spring_energy};
+use super::{Acceleration, ArapOptions, Start};
+use crate::fit::Fit;
+use crate::frame::{Frame, check_count, check_pose};
+use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, StepTimes};
 
 /// Energy, per unit of weight and with a diagonal of 1, that is nothing but rounding.
 const ROUNDING_ENERGY: f64 = 1e-29;
@@ -46,6 +43,8 @@ struct Edit {
     factor: Cholesky,
     /// If iterations are accelerated.
     anderson: Option<Anderson>,
+    /// If they start from the turns of the handles.
+    carried: Option<Carried>,
     /// Edges of the energy; only if it has been asked for.
     terms: Option<Vec<Term>>,
     /// In the frame, by slot.
@@ -105,7 +104,7 @@ impl Arap {
     /// Guess and iterations. The local step of iteration `k + 1` also tells the energy after iteration `k`.
     fn iterate(&mut self) -> Result<SolveReport, LinalgError> {
         let Self { options, shape, edit } = self;
-        let mut report = SolveReport { unconstrained: edit.roles.unconstrained, ..SolveReport::default() };
+        let mut report = SolveReport::default();
         edit.times = StepTimes::default();
         edit.guess()?;
         let rounding = ROUNDING_ENERGY * edit.terms.iter().flatten().map(|t| t.weight.abs()).sum::<f64>();
@@ -143,7 +142,7 @@ impl Deformer for Arap {
     fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
         self.edit.read(&self.shape.frame, goals, positions)?;
         let report = among_threads(self.edit.cells.roi, || self.iterate());
-        let report = report.map_err(|error| named(error, &self.edit.cells))?;
+        let report = report.map_err(|error| DeformError::of_system(error, &self.edit.cells.vertices))?;
         self.edit.write(&self.shape.frame, positions)?;
         Ok(report)
     }
@@ -161,7 +160,6 @@ impl Deformer for Arap {
     fn prepared(&self) -> PrepareReport {
         PrepareReport {
             unknowns: self.edit.roles.unknowns.as_slice().len(),
-            unconstrained: self.edit.roles.unconstrained,
             clamped_weights: self.shape.clamped,
             factor_len: self.edit.factor.solve_len(),
         }
@@ -174,7 +172,8 @@ impl Deformer for Arap {
 
 impl Edit {
     fn new(options: &ArapOptions, shape: &Shape, region: &Region) -> Result<Self, DeformError> {
-        let roi: Vec<u32> = roi(region).collect();
+        region.require_constrained(shape.topology())?;
+        let roi: Vec<u32> = region.roi().collect();
         let cells = Cells::new(shape, &roi);
         let roles = Roles::new(shape, &cells, region);
         let factor = cells
@@ -183,7 +182,7 @@ impl Edit {
                 let free = |slot: usize| roles.unknowns.contains(slot);
                 Cholesky::of_block(Arc::new(pattern), cells.laplacian(&roles.diagonal), free)
             })
-            .map_err(|error| named(error, &cells))?;
+            .map_err(|error| DeformError::of_system(error, &cells.vertices))?;
         let rest = cells.vertices.iter().map(|&v| shape.inner[v as usize]).collect();
         let mut scratch = Scratch {
             pose: vec![Row::default(); cells.vertices.len()],
@@ -196,7 +195,8 @@ impl Edit {
         let is_accelerated = anderson.is_some();
         let region = region.clone();
         let times = StepTimes::default();
-        let mut edit = Self { region, cells, roles, factor, anderson, terms: None, rest, scratch, times };
+        let carried = carried(options, &cells, &roles);
+        let mut edit = Self { region, cells, roles, factor, anderson, carried, terms: None, rest, scratch, times };
         if options.tolerance.is_some() || is_accelerated {
             edit.prepare_energy(shape);
         }
@@ -204,7 +204,7 @@ impl Edit {
     }
 
     fn has_same_roi(&self, region: &Region) -> bool {
-        roi(region).eq(self.cells.vertices[..self.cells.roi].iter().copied())
+        region.roi().eq(self.cells.vertices[..self.cells.roi].iter().copied())
     }
 
     /// Takes over the roles of a region with the same region of interest, or changes nothing.
@@ -213,14 +213,16 @@ impl Edit {
         let mut refactor = |roles: &Roles| {
             factor.refactor_block(cells.laplacian(&roles.diagonal), |slot| roles.unknowns.contains(slot))
         };
+        region.require_constrained(shape.topology())?;
         let roles = Roles::new(shape, cells, region);
         if let Err(error) = refactor(&roles) {
             // The old numbers once more: they made a factor before. If not, every solve will say so.
             let _ = refactor(&self.roles);
-            return Err(named(error, &self.cells));
+            return Err(DeformError::of_system(error, &self.cells.vertices));
         }
         self.scratch.fit(&roles);
         self.anderson = anderson(options, &roles);
+        self.carried = carried(options, &self.cells, &roles);
         self.roles = roles;
         self.region = region.clone();
         Ok(())
@@ -235,10 +237,7 @@ impl Edit {
     /// Checks the input and brings pose and goals into the frame.
     fn read(&mut self, frame: &Frame, goals: &Goals, positions: &[DVec3]) -> Result<(), DeformError> {
         goals.check(&self.region)?;
-        check_count("positions", self.region.vertex_count(), positions.len())?;
-        if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
-            return Err(MeshError::NotFinite { vertex }.into());
-        }
+        check_pose(self.region.vertex_count(), positions)?;
         let Self { cells, roles, scratch, .. } = self;
         let enter = |slot: u32| row(frame.enter(positions[cells.vertices[slot as usize] as usize]));
         for &slot in roles.unknowns.as_slice() {
@@ -250,7 +249,7 @@ impl Edit {
         }
         for (led, landed) in roles.led.iter().zip(&mut scratch.landed) {
             *landed = goals.apply(led.handle, led.rest);
-            let inner = within_reach(frame, *landed, led.handle, led.vertex)?;
+            let inner = frame.enter_goal(*landed, led.handle, led.vertex)?;
             if let Some(goal) = scratch.goals.get_mut(led.held as usize) {
                 *goal = row(inner);
             }
@@ -258,7 +257,10 @@ impl Edit {
         for (spring, draw) in roles.springs.iter().zip(&mut scratch.draws) {
             let vertex = cells.vertices[spring.slot as usize];
             let goal = goals.apply(spring.handle, spring.rest);
-            *draw = row(within_reach(frame, goal, spring.handle, vertex)?);
+            *draw = row(frame.enter_goal(goal, spring.handle, vertex)?);
+        }
+        if let Some(carried) = &mut self.carried {
+            carried.read(roles, goals, &self.rest, &scratch.pose);
         }
         Ok(())
     }
@@ -285,17 +287,21 @@ impl Edit {
         Ok(())
     }
 
-    /// The initial guess: the global step from the rotations of the incoming pose.
+    /// The initial guess: the global step from the rotations of the incoming pose, or from those carried from the handles.
     ///
-    /// Those rotations are taken before the handles jump: with handles already at their goals, the cells at their rims
+    /// The former rotations are taken before the handles jump: with handles already at their goals, the cells at their rims
     /// would see torn edges and no true rotation. From rest all of them are one rotation: the identity (Sorkine and
     /// Alexa's guess) unless the constraints turn as a whole.
     fn guess(&mut self) -> Result<(), LinalgError> {
         if let Some(anderson) = &mut self.anderson {
             anderson.forget();
         }
-        self.follow_constraints();
-        self.fit_rotations();
+        if self.carried.is_some() {
+            self.carry_rotations()?;
+        } else {
+            self.follow_constraints();
+            self.fit_rotations();
+        }
         let Scratch { pose, goals, .. } = &mut self.scratch;
         for (&slot, goal) in self.roles.held.iter().zip(goals) {
             pose[slot as usize] = *goal;
@@ -319,11 +325,22 @@ impl Edit {
         if held.clone().all(|(at, goal, _)| at == goal) {
             return;
         }
-        let (rotation, translation) = fit_rigid(held.map(|(at, goal, grip)| (point(at), point(goal), grip)));
+        let fit = Fit::rigid(held.map(|(at, goal, grip)| (point(at), point(goal), grip)));
         for &slot in roles.unknowns.as_slice().iter().chain(&roles.held) {
             let position = &mut pose[slot as usize];
-            *position = row(rotation * point(*position) + translation);
+            *position = row(fit.apply(point(*position)));
         }
+    }
+
+    fn carry_rotations(&mut self) -> Result<(), LinalgError> {
+        let Self { cells, roles, factor, carried, scratch, times, .. } = self;
+        let start = Instant::now();
+        let turned = match carried {
+            Some(carried) => carried.rotate(cells, roles, factor, &mut scratch.rotations, &mut scratch.rhs),
+            None => Ok(()),
+        };
+        times.global += start.elapsed();
+        turned
     }
 
     fn fit_rotations(&mut self) {
@@ -398,6 +415,10 @@ impl Scratch {
     }
 }
 
+fn carried(options: &ArapOptions, cells: &Cells, roles: &Roles) -> Option<Carried> {
+    (options.start == Start::Propagated).then(|| Carried::new(cells, roles))
+}
+
 fn anderson(options: &ArapOptions, roles: &Roles) -> Option<Anderson> {
     match options.acceleration {
         Acceleration::None => None,
@@ -405,82 +426,5 @@ fn anderson(options: &ArapOptions, roles: &Roles) -> Option<Anderson> {
     }
 }
 
-/// The region of interest, increasing.
-fn roi(region: &Region) -> impl Iterator<Item = u32> + '_ {
-    (0..).zip(region.roles()).filter(|(_, role)| **role != Role::Fixed).map(|(vertex, _)| vertex)
-}
-
-fn check_count(what: &'static str, expected: usize, found: usize) -> Result<(), DeformError> {
-    if expected == found { Ok(()) } else { Err(DeformError::WrongCount { what, expected, found }) }
-}
-
-/// Names the vertex behind the unknown of an error.
-fn named(error: LinalgError, cells: &Cells) -> DeformError {
-    let vertex = |unknown: usize| cells.vertices.get(unknown).copied().unwrap_or(u32::MAX);
-    match error {
-        LinalgError::SolutionNotFinite { unknown } => DeformError::ResultNotFinite { vertex: vertex(unknown) },
-        LinalgError::NotPositiveDefinite { unknown } => DeformError::Singular { vertex: vertex(unknown) },
-        other => DeformError::TooLarge(other),
-    }
-}
-
-/// A handle vertex's goal in the frame, if it can be computed with.
-fn within_reach(frame: &Frame, goal: DVec3, handle: u32, vertex: u32) -> Result<DVec3, DeformError> {
-    let inner = frame.enter(goal);
-    // Written so that NaN and infinity are too far.
-    if inner.abs().max_element() <= FARTHEST && goal.is_finite() {
-        Ok(inner)
-    } else {
-        Err(DeformError::handle(handle as usize, HandleFault::TooFar { vertex }))
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use pliant_mesh::{Similarity, VertexSet, shapes};
-
-    use super::*;
-    use crate::Handle;
-
-    /// Every pose that is stepped from has no more energy than the one before.
-    #[test]
-    fn no_accelerated_step_raises_the_energy() {
-        let bar = shapes::bar(24, 4, 4, DVec3::new(6.0, 1.0, 1.0)).expect("valid size");
-        let cactus = shapes::cactus(900).expect("in range");
-        let (mut taken_back, mut kept) = (0, 0);
-        for mesh in [bar, cactus, shapes::bumpy_plane(20, 12, 2.0, 1.0, 0.1, 3).expect("valid size")] {
-            let (n, bounds) = (mesh.vertex_count(), mesh.bounds());
-            let axis = bounds.size().max_position();
-            let along = |v: u32| bounds.to_box(mesh.positions[v as usize])[axis];
-            let low = Handle::hard(VertexSet::where_true(n, |v| along(v) <= 0.1));
-            let high = Handle::hard(VertexSet::where_true(n, |v| along(v) >= 0.9));
-            let region = Region::new(n, &VertexSet::all(n), &[low, high]).expect("both ends have vertices");
-            for (window, angle) in [(1, 1.0), (5, 1.0), (5, 3.0), (20, 2.0)] {
-                let options = ArapOptions { acceleration: Acceleration::Anderson { window }, ..ArapOptions::default() };
-                let turn = Similarity::about(bounds.centre(), DVec3::new(0.3, 1.0, 0.5), angle, 1.0);
-                let goals = Goals::new(vec![Similarity::IDENTITY, turn]);
-                let mut arap = Arap::prepare(&options, &mesh, &region).expect("valid");
-                let (edit, m) = (&mut arap.edit, arap.shape.multiplicity());
-                edit.read(&arap.shape.frame, &goals, &mesh.positions).expect("valid");
-                edit.guess().expect("solvable");
-                let mut last = f64::INFINITY;
-                for _ in 0..150 {
-                    edit.fit_rotations();
-                    let raw = edit.current_energy(m);
-                    let now = edit.safe_energy(last, m);
-                    // Differences at convergence are rounding.
-                    if raw > last * (1.0 + 1e-9) {
-                        taken_back += 1;
-                    } else if raw < last * (1.0 - 1e-9) {
-                        kept += 1;
-                    }
-                    assert!(now <= last * (1.0 + 1e-12), "window {window}, angle {angle}: {last} -> {now}");
-                    last = now;
-                    edit.global_step().expect("solvable");
-                    edit.accelerate();
-                }
-            }
-        }
-        assert!(taken_back > 0 && kept > 3 * taken_back, "{taken_back} taken back, {kept} kept");
-    }
-}
+mod tests;

@@ -12,16 +12,20 @@
 //! rotations held: a linear system whose matrix never changes). Both minimise the same energy, so it never rises.
 
 mod anderson;
+mod carried;
 mod cells;
 mod deformer;
 mod roles;
 mod shape;
 mod steps;
 
+use std::fmt;
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
-use crate::DeformError;
 pub use crate::operators::EdgeWeightKind;
+use crate::{DeformError, text};
 pub use deformer::Arap;
 
 /// Most iterations that may be asked for.
@@ -58,6 +62,20 @@ pub enum Acceleration {
     },
 }
 
+/// Where iterations start from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// The rotations of the incoming pose, after it has been moved along with the constraints: what was dragged so far goes on.
+    #[default]
+    Pose,
+    /// The turns of the handles, carried over the region by harmonic fields (Zayer et al. 2005, *Harmonic Guidance for Surface
+    /// Deformation*), whatever the incoming pose of the vertices solved for. Follows turns of any angle
+    /// ([`Goals::with_turns`](crate::Goals::with_turns)) in one solve, but a handle that is only moved turns nothing. What is
+    /// fixed counts as one more handle, turned as its vertices next to the region are. Costs one global step more.
+    Propagated,
+}
+
 /// Options of as-rigid-as-possible deformation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -75,6 +93,8 @@ pub struct ArapOptions {
     pub tolerance: Option<f64>,
     /// Default: none.
     pub acceleration: Acceleration,
+    /// Default: the incoming pose.
+    pub start: Start,
 }
 
 impl Default for ArapOptions {
@@ -85,6 +105,7 @@ impl Default for ArapOptions {
             iterations: 2,
             tolerance: None,
             acceleration: Acceleration::None,
+            start: Start::Pose,
         }
     }
 }
@@ -120,3 +141,59 @@ impl ArapOptions {
         }
     }
 }
+
+/// The tokens that differ from the default, joined by `+`: `uniform+spokes-and-rims+iterations=5`.
+impl fmt::Display for ArapOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { weights, energy, iterations, tolerance, acceleration, start } = self;
+        text::join(
+            f,
+            [
+                text::word(*weights == EdgeWeightKind::Uniform, "uniform"),
+                text::word(*energy == ArapEnergy::Spokes, "spokes"),
+                (*iterations != Self::default().iterations).then(|| format!("iterations={iterations}")),
+                tolerance.map(|tolerance| format!("tolerance={tolerance:e}")),
+                match acceleration {
+                    Acceleration::None => None,
+                    Acceleration::Anderson { window } => Some(format!("anderson={window}")),
+                },
+                text::word(*start == Start::Propagated, "propagated"),
+            ],
+        )
+    }
+}
+
+/// Reads what `Display` writes; the defaults may be named too. Numbers are checked when the method is prepared.
+impl FromStr for ArapOptions {
+    type Err = DeformError;
+
+    fn from_str(text: &str) -> Result<Self, DeformError> {
+        let mut options = Self::default();
+        for token in text::tokens(text) {
+            match token {
+                "cotangent" => options.weights = EdgeWeightKind::Cotangent,
+                "uniform" => options.weights = EdgeWeightKind::Uniform,
+                "spokes" => options.energy = ArapEnergy::Spokes,
+                "spokes-and-rims" => options.energy = ArapEnergy::SpokesAndRims,
+                "pose" => options.start = Start::Pose,
+                "propagated" => options.start = Start::Propagated,
+                _ => {
+                    if let Some(iterations) = text::number(token, "iterations") {
+                        options.iterations = iterations;
+                    } else if let Some(tolerance) = text::number(token, "tolerance") {
+                        options.tolerance = Some(tolerance);
+                    } else if let Some(window) = text::number(token, "anderson") {
+                        options.acceleration = Acceleration::Anderson { window };
+                    } else {
+                        return Err(text::unknown(token, TOKENS));
+                    }
+                }
+            }
+        }
+        Ok(options)
+    }
+}
+
+/// What the text form may have.
+const TOKENS: &str =
+    "cotangent, uniform, spokes, spokes-and-rims, iterations=N, tolerance=X, anderson=N, pose or propagated";

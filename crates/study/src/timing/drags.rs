@@ -4,13 +4,13 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use pliant_deform::{Constraint, DeformError, Deformer, Goals, Handle, Region};
+use pliant_deform::{Constraint, DeformError, Deformer, Goals, Handle, Region, Role};
 use pliant_mesh::{NormalBuffer, VertexSet};
 use rayon::prelude::*;
 
 use super::TimingPlan;
 use crate::StudyError;
-use crate::pipeline::{Caged, Start, Study, median};
+use crate::pipeline::{Caged, StartFrom, Study, median};
 use crate::stages::milliseconds;
 
 /// Steps from rest to the goals; the drags timed go back and forth in the middle of them.
@@ -25,7 +25,7 @@ const SHORT_REPEATS: usize = 25;
 /// The handles of a scene on their way, each solve from the pose of the last.
 pub(super) struct Drag<'a> {
     study: &'a Study<'a>,
-    region: &'a Region,
+    caged: &'a Caged,
     deformer: Box<dyn Deformer>,
     middle: [Goals; 2],
     pose: Vec<DVec3>,
@@ -45,7 +45,7 @@ impl<'a> Drag<'a> {
     pub(super) fn new(study: &'a Study<'a>, plan: &TimingPlan, caged: &'a Caged) -> Result<Self, StudyError> {
         Ok(Self {
             study,
-            region: &caged.region,
+            caged,
             deformer: prepare(study, plan, caged)?,
             middle: [goals(study, STEPS / 2), goals(study, STEPS / 2 + 1)],
             pose: caged.mesh.positions.clone(),
@@ -118,8 +118,9 @@ impl<'a> Drag<'a> {
 
     /// Takes one vertex out of the first handle that has two and puts it back, again and again; or makes its handle soft and hard.
     pub(super) fn time_refactor(&mut self, plan: &TimingPlan) -> Result<f64, StudyError> {
-        let all = VertexSet::all(self.region.vertex_count());
-        let mut handles: Vec<Handle> = self.region.handles().to_vec();
+        let roles = self.caged.region.roles();
+        let roi = VertexSet::where_true(roles.len(), |v| roles[v as usize] != Role::Fixed);
+        let mut handles: Vec<Handle> = self.caged.region.handles().to_vec();
         match handles.iter().position(|h| h.vertices.len() > 1) {
             Some(at) => handles[at].vertices = handles[at].vertices.iter().skip(1).collect(),
             None => {
@@ -128,8 +129,9 @@ impl<'a> Drag<'a> {
                 }
             }
         }
-        let changed = Region::new(all.len(), &all, &handles).map_err(|e| named(self.study, e))?;
-        let mut next = [&changed, self.region];
+        let changed = Region::new(roles.len(), &roi, &handles).map_err(|e| named(self.study, e))?;
+        let (changed, _) = changed.without_unconstrained(self.caged.mesh.topology());
+        let mut next = [&changed, &self.caged.region];
         let mut once = || {
             let start = Instant::now();
             self.deformer.set_region(next[0]).map_err(|e| named(self.study, e))?;
@@ -143,7 +145,7 @@ impl<'a> Drag<'a> {
 /// The solver, prepared for a control mesh and the handles on it.
 pub(super) fn prepare(study: &Study<'_>, plan: &TimingPlan, caged: &Caged) -> Result<Box<dyn Deformer>, StudyError> {
     let method = plan.method.with_iterations(plan.iterations);
-    caged.prepare(&method, Start::default()).map_err(|e| named(study, e))
+    caged.prepare(&method, StartFrom::default()).map_err(|e| named(study, e))
 }
 
 /// Normals of a pose of the shape.
@@ -174,7 +176,7 @@ pub(super) fn time_direct(study: &Study<'_>, plan: &TimingPlan, caged: &Caged) -
 }
 
 fn goals(study: &Study<'_>, step: usize) -> Goals {
-    Goals::new(study.scene.goals(step as f64 / STEPS as f64))
+    study.scene.goals_with_turns(step as f64 / STEPS as f64)
 }
 
 fn named(study: &Study<'_>, error: DeformError) -> StudyError {
