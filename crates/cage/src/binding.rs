@@ -151,7 +151,7 @@ impl Binding {
         }
         let maker = RowMaker::new(&shape.positions, owners, cage, options);
         let smoothing = options.smoothing;
-        let (rows, facts) = make_rows(&maker, &maker.order(), |i, scratch| maker.make(i, scratch), progress)?;
+        let (rows, facts) = make_rows(&maker.order(), |i, scratch| maker.make(i, scratch), progress)?;
         let average = |j, scratch: &mut Scratch| {
             maker.smooth_cage(j, smoothing, scratch);
             RowFacts::default()
@@ -159,7 +159,7 @@ impl Binding {
         let all: Vec<u32> = (0..cage.vertex_count() as u32).collect();
         let smoothing = match smoothing {
             0 => None,
-            _ => Some(make_rows(&maker, &all, average, &Quiet(progress))?.0),
+            _ => Some(make_rows(&all, average, &Quiet(progress))?.0),
         };
         Ok(Self::assemble(shape, cage, rows, smoothing, facts))
     }
@@ -258,7 +258,6 @@ impl Progress for Quiet<'_> {
 
 /// Makes a row for each point of `order`, in parallel, and returns them in the order of the points.
 fn make_rows(
-    maker: &RowMaker<'_>,
     order: &[u32],
     make: impl Fn(u32, &mut Scratch) -> RowFacts + Sync,
     progress: &dyn Progress,
@@ -267,22 +266,19 @@ fn make_rows(
     let total = order.len();
     let chunks: Vec<Chunk> = order
         .par_chunks(CHUNK)
-        .map_init(
-            || maker.scratch(),
-            |scratch, points| {
-                if progress.is_cancelled() {
-                    return Err(CageError::Cancelled { what: "binding" });
-                }
-                let chunk = Chunk::of(points, scratch, &make);
-                let before = done.fetch_add(points.len(), Ordering::Relaxed);
-                // About a hundred reports in all.
-                let hundredth = (total / 100).max(1);
-                if before / hundredth != (before + points.len()) / hundredth {
-                    progress.advance(before + points.len(), total);
-                }
-                Ok(chunk)
-            },
-        )
+        .map_init(Scratch::default, |scratch, points| {
+            if progress.is_cancelled() {
+                return Err(CageError::Cancelled { what: "binding" });
+            }
+            let chunk = Chunk::of(points, scratch, &make);
+            let before = done.fetch_add(points.len(), Ordering::Relaxed);
+            // About a hundred reports in all.
+            let hundredth = (total / 100).max(1);
+            if before / hundredth != (before + points.len()) / hundredth {
+                progress.advance(before + points.len(), total);
+            }
+            Ok(chunk)
+        })
         .collect::<Result<_, _>>()?;
     let facts = chunks.iter().fold(RowFacts::default(), |facts, chunk| facts.and(chunk.facts));
     Ok((Rows::gather(order, CHUNK, &chunks)?, facts))
