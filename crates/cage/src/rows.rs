@@ -37,6 +37,8 @@ pub(crate) struct Scratch {
     group: Group,
     near: Vec<Near>,
     patch: Patch,
+    /// The face nearest to the last point: where the search for the next one's starts.
+    nearest: Option<u32>,
     /// The row made last: (cage vertex, weight), summing to 1, increasing by vertex.
     pub(crate) row: Vec<(u32, f64)>,
 }
@@ -146,8 +148,11 @@ impl<'a> RowMaker<'a> {
     fn mean_value(&self, x: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
         if let Some((field, faces)) = self.far_field.as_ref().zip(self.faces.as_ref()) {
             let view = View { cage: &self.coordinates, topology: self.cage, x };
-            let nearest = faces.nearest(x).map(|(face, _)| face as usize);
-            if nearest.is_some_and(|f| field.row(view, f, share, &mut scratch.far_field, &mut scratch.row)) {
+            scratch.nearest = faces.nearest_from(x, scratch.nearest).map(|(face, _)| face);
+            if scratch
+                .nearest
+                .is_some_and(|f| field.row(view, f as usize, share, &mut scratch.far_field, &mut scratch.row))
+            {
                 facts.unmeasured = 1;
                 return normalise(&mut scratch.row);
             }
@@ -186,7 +191,9 @@ impl<'a> RowMaker<'a> {
         if !smooth(&scratch.near, beyond, &mut scratch.row) {
             return false;
         }
-        let nearest = self.faces.as_ref().and_then(|faces| faces.nearest(x)).map(|(face, _)| face);
+        let nearest =
+            self.faces.as_ref().and_then(|faces| faces.nearest_from(x, scratch.nearest)).map(|(face, _)| face);
+        scratch.nearest = nearest;
         let view = View { cage: &self.coordinates, topology: self.cage, x };
         self.arch.dispatch(Weigh { patch: &mut scratch.patch, view, near: &scratch.near, nearest });
         let (weights, others) = scratch.patch.weights_mut();
