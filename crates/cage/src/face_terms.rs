@@ -21,6 +21,7 @@ pub(crate) struct View<'a> {
 /// Some cage vertices with all faces round them, and what these give to a point; memory kept from point to point.
 #[derive(Debug, Default)]
 pub(crate) struct Patch {
+    /// Faces looked at from the current point, and what they give.
     faces: Vec<u32>,
     terms: Terms,
     /// What the faces give to all other vertices, then to each of the patch's.
@@ -33,8 +34,19 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    /// Sums the unnormalised weights that the faces round `vertices`, and one more, give; if the point lies on one of
-    /// these faces, its barycentric coordinates are all that counts, and the face is returned with them.
+    /// Turns to another point.
+    pub(crate) fn clear(&mut self) {
+        self.faces.clear();
+        if self.stamp == u32::MAX {
+            self.seen.fill(0);
+            self.stamp = 0;
+        }
+        self.stamp += 1;
+    }
+
+    /// Sums the unnormalised weights that the faces round `vertices`, and one more, give, together with those looked at before from the
+    /// same point, which are not computed again. If the point lies on one of these faces, its barycentric
+    /// coordinates are all that counts, and the face is returned with them.
     #[inline(always)]
     pub(crate) fn weigh<S: Simd>(
         &mut self,
@@ -43,18 +55,23 @@ impl Patch {
         vertices: impl Iterator<Item = u32> + Clone,
         more: Option<u32>,
     ) -> Option<(u32, [f64; 3])> {
+        let known = self.faces.len();
         self.gather(view.topology, vertices.clone(), more);
         let Self { faces, terms, sums, slot, .. } = self;
         let triangles = view.topology.triangles();
-        let add = |face: u32, values: [f64; 3], sums: &mut [f64]| {
-            for (v, value) in triangles[face as usize].into_iter().zip(values) {
+        let on = terms.weigh(simd, view, faces, known);
+        if let Some((face, barycentric)) = on {
+            for (v, value) in triangles[face as usize].into_iter().zip(barycentric) {
                 sums[slot[v as usize] as usize] += value;
             }
-        };
-        let on = terms.weigh(simd, view, faces, |face, values| add(face, values, sums));
-        if let Some((face, barycentric)) = on {
-            sums.fill(0.0);
-            add(face, barycentric, sums);
+        } else {
+            let [first, second, third] = terms.weights.each_ref().map(|w| &w[..faces.len()]);
+            for (k, &face) in faces.iter().enumerate() {
+                let [a, b, c] = triangles[face as usize].map(|v| slot[v as usize] as usize);
+                sums[a] += first[k];
+                sums[b] += second[k];
+                sums[c] += third[k];
+            }
         }
         for v in vertices {
             slot[v as usize] = 0;
@@ -73,21 +90,15 @@ impl Patch {
         (&mut self.sums[1..], others)
     }
 
-    /// Lists the faces, each once, and gives the vertices their slots.
+    /// Lists the faces that are new, each once, and gives the vertices their slots.
     #[inline(always)]
     fn gather(&mut self, topology: &Topology, vertices: impl Iterator<Item = u32>, more: Option<u32>) {
         let Self { faces, sums, seen, stamp, slot, .. } = self;
         seen.resize(topology.triangles().len(), 0);
         slot.resize(topology.vertex_count(), 0);
-        if *stamp == u32::MAX {
-            seen.fill(0);
-            *stamp = 0;
-        }
-        *stamp += 1;
-        faces.clear();
         sums.clear();
         sums.push(0.0);
-        if let Some(face) = more {
+        if let Some(face) = more.filter(|&face| seen[face as usize] != *stamp) {
             seen[face as usize] = *stamp;
             faces.push(face);
         }
@@ -119,24 +130,24 @@ struct Terms {
 }
 
 impl Terms {
-    /// Calls `add` with each face and the unnormalised weights of its corners; if the point lies on one of them, returns
-    /// that face and its barycentric coordinates instead.
+    /// Fills in the unnormalised weights that `faces` give to their corners, those of the first `known` ones being there; if the point
+    /// lies on one of the others, returns that face and its barycentric coordinates instead.
     #[inline(always)]
     fn weigh<S: Simd>(
         &mut self,
         simd: S,
         View { cage, x, .. }: View<'_>,
         faces: &[u32],
-        mut add: impl FnMut(u32, [f64; 3]),
+        known: usize,
     ) -> Option<(u32, [f64; 3])> {
-        let padded = faces.len().next_multiple_of(WIDTH);
+        let (start, padded) = (known / WIDTH * WIDTH, faces.len().next_multiple_of(WIDTH));
         if self.flat.len() < padded {
             self.coordinates.iter_mut().for_each(|lanes| lanes.resize(padded, 1.0));
             self.weights.iter_mut().for_each(|lanes| lanes.resize(padded, 0.0));
             self.flat.resize(padded, 0.0);
         }
         let [ax, ay, az, bx, by, bz, cx, cy, cz, nx, ny, nz] = self.coordinates.each_mut().map(|l| &mut l[..padded]);
-        for (k, &face) in faces.iter().enumerate() {
+        for (k, &face) in faces.iter().enumerate().skip(start) {
             let [a, b, c] = cage.corners(face as usize);
             let n = cage.normals()[face as usize];
             (ax[k], ay[k], az[k]) = (a.x - x.x, a.y - x.y, a.z - x.z);
@@ -144,17 +155,20 @@ impl Terms {
             (cx[k], cy[k], cz[k]) = (c.x - x.x, c.y - x.y, c.z - x.z);
             (nx[k], ny[k], nz[k]) = (n.x, n.y, n.z);
         }
-        for at in 0..padded / Doubles::<S>::COUNT {
+        for at in start / Doubles::<S>::COUNT..padded / Doubles::<S>::COUNT {
             self.weigh_register(simd, at);
         }
-        for (k, &face) in faces.iter().enumerate() {
+        for (k, &face) in faces.iter().enumerate().skip(start) {
             if self.flat[k] < 0.0 {
-                add(face, [self.weights[0][k], self.weights[1][k], self.weights[2][k]]);
                 continue;
             }
             match cage.face_weights(x, face as usize) {
                 FaceWeights::On(barycentric) => return Some((face, barycentric)),
-                FaceWeights::Weights(weights) => add(face, weights),
+                FaceWeights::Weights(weights) => {
+                    for (lanes, weight) in self.weights.iter_mut().zip(weights) {
+                        lanes[k] = weight;
+                    }
+                }
             }
         }
         None
@@ -164,9 +178,9 @@ impl Terms {
     #[inline(always)]
     fn weigh_register<S: Simd>(&mut self, simd: S, at: usize) {
         let all = |number| Doubles::all(simd, number);
-        let load = |k: usize| Doubles::load(simd, &self.coordinates[k][..], at);
-        let three = |k: usize| [load(k), load(k + 1), load(k + 2)];
-        let (v, normal) = ([three(0), three(3), three(6)], three(9));
+        let lanes = &self.coordinates;
+        let v = [three(simd, lanes, 0, at), three(simd, lanes, 3, at), three(simd, lanes, 6, at)];
+        let normal = three(simd, lanes, 9, at);
         let zero = all(0.0);
         let nearest = dot(&v[0], &v[0]).min(dot(&v[1], &v[1])).min(dot(&v[2], &v[2]));
         let height = dot(&v[0], &normal);
@@ -186,6 +200,13 @@ impl Terms {
             (dot(cross, &mean) * inverse).store(weights, at);
         }
     }
+}
+
+/// Three components' lanes, from `first` on.
+#[inline(always)]
+fn three<S: Simd>(simd: S, coordinates: &[Vec<f64>; 12], first: usize, at: usize) -> [Doubles<S>; 3] {
+    let [x, y, z] = [&coordinates[first], &coordinates[first + 1], &coordinates[first + 2]];
+    [Doubles::load(simd, x, at), Doubles::load(simd, y, at), Doubles::load(simd, z, at)]
 }
 
 #[inline(always)]
@@ -257,7 +278,11 @@ mod tests {
         type Output = Option<(u32, [f64; 3])>;
 
         fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-            self.patch.weigh(simd, self.view, self.vertices.iter().copied(), Some(self.more))
+            // Some vertices first: what is known of their faces counts, and changes nothing.
+            self.patch.clear();
+            let some = self.vertices.len() / 3;
+            let on = self.patch.weigh(simd, self.view, self.vertices[..some].iter().copied(), None);
+            on.or_else(|| self.patch.weigh(simd, self.view, self.vertices.iter().copied(), Some(self.more)))
         }
     }
 

@@ -10,6 +10,7 @@ use crate::binding::BindOptions;
 use crate::face_terms::{Patch, View};
 use crate::far_field::{self, FarField};
 use crate::mean_value::{Corners, MeanValue};
+use crate::packed::along_curve;
 use crate::prune::{Prune, drop_smallest};
 use crate::support::{Group, Near, Neighbourhoods, Whose, past_all};
 
@@ -106,7 +107,9 @@ impl<'a> RowMaker<'a> {
     /// All points, in the order in which their rows are made fastest.
     pub(crate) fn order(&self) -> Vec<u32> {
         match self.prune {
-            Prune::None | Prune::Magnitude(_) => (0..self.points.len() as u32).collect(),
+            Prune::None => (0..self.points.len() as u32).collect(),
+            // What is near one point is near the next.
+            Prune::Magnitude(_) => along_curve(&self.points),
             Prune::Local { .. } | Prune::Smooth { .. } => self.neighbourhoods.order(),
         }
     }
@@ -236,6 +239,7 @@ impl WithSimd for Weigh<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        self.patch.clear();
         self.patch.weigh(simd, self.view, self.near.iter().map(|n| n.vertex), self.nearest);
     }
 }

@@ -131,6 +131,7 @@ impl WithSimd for MakeRow<'_> {
         // The nearest face's corners have most of the row's magnitude, or at least a good part.
         descent.near.clear();
         descent.near.extend(view.topology.triangles()[nearest]);
+        patch.clear();
         let mut limits = None;
         for _ in 0..TRIES {
             let rest = limits.map(|limits| descent.sum(simd, field, view.x, limits));
