@@ -119,8 +119,8 @@ impl Binding {
     /// The cage may be any triangle mesh with a face; it need not enclose the shape nor be closed, though open cages
     /// lose the linear precision of mean value coordinates ([`BindReport::cage_open_edges`]).
     /// A shape vertex lies where on the cage's surface its nearest cage vertex does; [`Simplified::bind`] knows better.
-    /// [`Prune::Smooth`] costs about 1 us a shape vertex and 30 us a cage vertex, [`Prune::Local`] 10 us a shape vertex, and so does
-    /// [`Prune::Magnitude`] on a cage near the shape; far from it, where rows keep hundreds of weights, several times
+    /// [`Prune::Smooth`] costs about 1 us a shape vertex and 30 us a cage vertex, [`Prune::Local`] 3 us a shape vertex more, and
+    /// [`Prune::Magnitude`] 10 us on a cage near the shape; far from it, where rows keep hundreds of weights, several times
     /// that. [`Prune::None`] and [`BindOptions::exact`] look at every cage face for every shape vertex (about 60 ns each).
     ///
     /// # Errors
