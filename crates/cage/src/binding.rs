@@ -142,8 +142,8 @@ impl Binding {
     /// The cage may be any triangle mesh with a face; it need not enclose the shape nor be closed, though open cages
     /// lose the linear precision of mean value coordinates ([`BindReport::cage_open_edges`]).
     /// A shape vertex lies where on the cage's surface its nearest cage vertex does; [`Simplified::bind`] knows better.
-    /// [`Prune::Smooth`] costs about 1 us a shape vertex and 30 us a cage vertex, [`Prune::Local`] 10 us a shape vertex, and so does
-    /// [`Prune::Magnitude`] on a cage near the shape; far from it, where rows keep hundreds of weights, several times
+    /// [`Prune::Smooth`] costs about 1 us a shape vertex and 30 us a cage vertex, [`Prune::Local`] 3 us a shape vertex more, and
+    /// [`Prune::Magnitude`] 10 us on a cage near the shape; far from it, where rows keep hundreds of weights, several times
     /// that. [`Prune::None`] and [`BindOptions::exact`] look at every cage face for every shape vertex (about 60 ns each).
     ///
     /// # Errors
@@ -174,7 +174,7 @@ impl Binding {
         }
         let maker = RowMaker::new(&shape.positions, owners, cage, options);
         let smoothing = options.smoothing;
-        let (rows, facts) = make_rows(&maker, &maker.order(), |i, scratch| maker.make(i, scratch), progress)?;
+        let (rows, facts) = make_rows(&maker.order(), |i, scratch| maker.make(i, scratch), progress)?;
         let average = |j, scratch: &mut Scratch| {
             maker.smooth_cage(j, smoothing, scratch);
             RowFacts::default()
@@ -182,7 +182,7 @@ impl Binding {
         let all: Vec<u32> = (0..cage.vertex_count() as u32).collect();
         let smoothing = match smoothing {
             0 => None,
-            _ => Some(make_rows(&maker, &all, average, &Quiet(progress))?.0),
+            _ => Some(make_rows(&all, average, &Quiet(progress))?.0),
         };
         Ok(Self::assemble(shape, cage, rows, smoothing, facts))
     }
@@ -281,7 +281,6 @@ impl Progress for Quiet<'_> {
 
 /// Makes a row for each point of `order`, in parallel, and returns them in the order of the points.
 fn make_rows(
-    maker: &RowMaker<'_>,
     order: &[u32],
     make: impl Fn(u32, &mut Scratch) -> RowFacts + Sync,
     progress: &dyn Progress,
@@ -290,22 +289,19 @@ fn make_rows(
     let total = order.len();
     let chunks: Vec<Chunk> = order
         .par_chunks(CHUNK)
-        .map_init(
-            || maker.scratch(),
-            |scratch, points| {
-                if progress.is_cancelled() {
-                    return Err(CageError::Cancelled { what: "binding" });
-                }
-                let chunk = Chunk::of(points, scratch, &make);
-                let before = done.fetch_add(points.len(), Ordering::Relaxed);
-                // About a hundred reports in all.
-                let hundredth = (total / 100).max(1);
-                if before / hundredth != (before + points.len()) / hundredth {
-                    progress.advance(before + points.len(), total);
-                }
-                Ok(chunk)
-            },
-        )
+        .map_init(Scratch::default, |scratch, points| {
+            if progress.is_cancelled() {
+                return Err(CageError::Cancelled { what: "binding" });
+            }
+            let chunk = Chunk::of(points, scratch, &make);
+            let before = done.fetch_add(points.len(), Ordering::Relaxed);
+            // About a hundred reports in all.
+            let hundredth = (total / 100).max(1);
+            if before / hundredth != (before + points.len()) / hundredth {
+                progress.advance(before + points.len(), total);
+            }
+            Ok(chunk)
+        })
         .collect::<Result<_, _>>()?;
     let facts = chunks.iter().fold(RowFacts::default(), |facts, chunk| facts.and(chunk.facts));
     Ok((Rows::gather(order, CHUNK, &chunks)?, facts))

@@ -7,7 +7,11 @@
 
 mod binding;
 mod error;
+mod face_terms;
+#[cfg(test)]
+mod families;
 mod far_field;
+mod lanes;
 mod mean_value;
 mod packed;
 mod propagate;

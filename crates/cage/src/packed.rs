@@ -314,7 +314,7 @@ pub(crate) fn left_of_one<T: Real>(others: &[f32]) -> T {
 }
 
 /// The points in the order of a Morton curve through all of them, by number on ties.
-fn along_curve(points: &[DVec3]) -> Vec<u32> {
+pub(crate) fn along_curve(points: &[DVec3]) -> Vec<u32> {
     let bounds = Bounds::of(points);
     let cell = |p: &DVec3| {
         let share = (*p - bounds.min) / bounds.size().max_element();

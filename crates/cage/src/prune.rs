@@ -25,7 +25,7 @@ pub enum Prune {
         /// Cage vertices per row, at least 1; a few more where some count in part only ([`Support::Surface`](crate::Support::Surface)).
         neighbours: usize,
     },
-    /// `(1 - d_j / d_(k+1))^2` over the nearest cage vertices, without coordinates: never unsafe, and made in a twentieth of the
+    /// `(1 - d_j / d_(k+1))^2` over the nearest cage vertices, without coordinates: never unsafe, and made in half the
     /// time. The default, with 16 neighbours.
     Smooth {
         /// Cage vertices per row, at least 1; see [`Prune::Local`].

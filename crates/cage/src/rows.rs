@@ -3,11 +3,14 @@
 use glam::DVec3;
 use pliant_mesh::metrics::FaceTree;
 use pliant_mesh::{Topology, TriMesh};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::binding::BindOptions;
-use crate::far_field::{self, FarField, View};
-use crate::mean_value::{Corners, FaceWeights, MeanValue};
+use crate::face_terms::{Patch, View};
+use crate::far_field::{self, FarField};
+use crate::mean_value::{Corners, MeanValue};
+use crate::packed::along_curve;
 use crate::prune::{Prune, drop_smallest};
 use crate::support::{Group, Near, Neighbourhoods, Whose, past_all};
 
@@ -25,24 +28,22 @@ pub(crate) struct RowMaker<'a> {
     faces: Option<FaceTree>,
     /// For the magnitude rule, unless it is to be exact.
     far_field: Option<FarField>,
+    arch: Arch,
 }
 
 /// A thread's own working memory.
+#[derive(Default)]
 pub(crate) struct Scratch {
     dense: Vec<f64>,
     corners: Corners,
     far_field: far_field::Scratch,
     group: Group,
     near: Vec<Near>,
-    /// Coordinates of `near`, unnormalised.
-    weights: Vec<f64>,
+    patch: Patch,
+    /// The face nearest to the last point: where the search for the next one's starts.
+    nearest: Option<u32>,
     /// The row made last: (cage vertex, weight), summing to 1, increasing by vertex.
     pub(crate) row: Vec<(u32, f64)>,
-    /// Faces already looked at, marked with the current stamp.
-    seen: Vec<u32>,
-    stamp: u32,
-    /// Where a nearest cage vertex stands in `near`, plus one.
-    slot: Vec<u32>,
 }
 
 /// What had to be done to get rows.
@@ -99,30 +100,16 @@ impl<'a> RowMaker<'a> {
             cage: cage.topology(),
             prune,
             tiny,
-        }
-    }
-
-    pub(crate) fn scratch(&self) -> Scratch {
-        let vertices = self.cage.vertex_count();
-        let local = matches!(self.prune, Prune::Local { .. });
-        Scratch {
-            dense: Vec::new(),
-            corners: Corners::default(),
-            far_field: far_field::Scratch::default(),
-            group: Group::default(),
-            near: Vec::new(),
-            weights: Vec::new(),
-            row: Vec::new(),
-            seen: vec![0; if local { self.cage.triangles().len() } else { 0 }],
-            stamp: 0,
-            slot: vec![0; if local { vertices } else { 0 }],
+            arch: Arch::new(),
         }
     }
 
     /// All points, in the order in which their rows are made fastest.
     pub(crate) fn order(&self) -> Vec<u32> {
         match self.prune {
-            Prune::None | Prune::Magnitude(_) => (0..self.points.len() as u32).collect(),
+            Prune::None => (0..self.points.len() as u32).collect(),
+            // What is near one point is near the next.
+            Prune::Magnitude(_) => along_curve(&self.points),
             Prune::Local { .. } | Prune::Smooth { .. } => self.neighbourhoods.order(),
         }
     }
@@ -164,8 +151,11 @@ impl<'a> RowMaker<'a> {
     fn mean_value(&self, x: DVec3, share: f64, scratch: &mut Scratch, facts: &mut RowFacts) -> bool {
         if let Some((field, faces)) = self.far_field.as_ref().zip(self.faces.as_ref()) {
             let view = View { cage: &self.coordinates, topology: self.cage, x };
-            let nearest = faces.nearest(x).map(|(face, _)| face as usize);
-            if nearest.is_some_and(|f| field.row(view, f, share, &mut scratch.far_field, &mut scratch.row)) {
+            scratch.nearest = faces.nearest_from(x, scratch.nearest).map(|(face, _)| face);
+            if scratch
+                .nearest
+                .is_some_and(|f| field.row(view, f as usize, share, &mut scratch.far_field, &mut scratch.row))
+            {
                 facts.unmeasured = 1;
                 return normalise(&mut scratch.row);
             }
@@ -204,14 +194,12 @@ impl<'a> RowMaker<'a> {
         if !smooth(&scratch.near, beyond, &mut scratch.row) {
             return false;
         }
-        for (at, near) in scratch.near.iter().enumerate() {
-            scratch.slot[near.vertex as usize] = at as u32 + 1;
-        }
-        let mut weights = std::mem::take(&mut scratch.weights);
-        let others = self.sum_faces(x, scratch, &mut weights);
-        for near in &scratch.near {
-            scratch.slot[near.vertex as usize] = 0;
-        }
+        let nearest =
+            self.faces.as_ref().and_then(|faces| faces.nearest_from(x, scratch.nearest)).map(|(face, _)| face);
+        scratch.nearest = nearest;
+        let view = View { cage: &self.coordinates, topology: self.cage, x };
+        self.arch.dispatch(Weigh { patch: &mut scratch.patch, view, near: &scratch.near, nearest });
+        let (weights, others) = scratch.patch.weights_mut();
         let sign = if weights.iter().sum::<f64>() + others < 0.0 { -1.0 } else { 1.0 };
         let (mut faded, mut held, mut total) = (0.0, 0.0, (sign * others).max(0.0));
         let mut from_vertex = 1.0_f64;
@@ -229,47 +217,30 @@ impl<'a> RowMaker<'a> {
             false => 0.0,
         };
         if share > 0.0 {
-            for (entry, w) in scratch.row.iter_mut().zip(&weights) {
-                entry.1 = share * w / faded + (1.0 - share) * entry.1;
+            for (entry, w) in scratch.row.iter_mut().zip(weights) {
+                entry.1 = share * *w / faded + (1.0 - share) * entry.1;
             }
         }
-        scratch.weights = weights;
         drop_tiny(self.tiny, &mut scratch.row)
     }
+}
 
-    /// Unnormalised weights of the vertices in `scratch.near` over all faces round them and the nearest face; returns what
-    /// these faces give to other vertices.
-    fn sum_faces(&self, x: DVec3, scratch: &mut Scratch, weights: &mut Vec<f64>) -> f64 {
-        weights.clear();
-        weights.resize(scratch.near.len(), 0.0);
-        let mut others = 0.0;
-        scratch.stamp += 1;
-        let nearest = self.faces.as_ref().and_then(|faces| faces.nearest(x)).map(|(face, _)| face);
-        let round = scratch.near.iter().flat_map(|n| self.cage.vertex_faces(n.vertex as usize).iter().copied());
-        for f in nearest.into_iter().chain(round) {
-            if scratch.seen[f as usize] == scratch.stamp {
-                continue;
-            }
-            scratch.seen[f as usize] = scratch.stamp;
-            let (values, on) = match self.coordinates.face_weights(x, f as usize) {
-                FaceWeights::On(barycentric) => (barycentric, true),
-                FaceWeights::Weights(values) => (values, false),
-            };
-            if on {
-                weights.fill(0.0);
-                others = 0.0;
-            }
-            for (v, value) in self.cage.triangles()[f as usize].into_iter().zip(values) {
-                match scratch.slot[v as usize].checked_sub(1) {
-                    Some(slot) => weights[slot as usize] += value,
-                    None => others += value,
-                }
-            }
-            if on {
-                break;
-            }
-        }
-        others
+/// What the faces round the vertices in `near`, and the nearest face, give to these, to be compiled for the processor's
+/// vector registers.
+struct Weigh<'a> {
+    patch: &'a mut Patch,
+    view: View<'a>,
+    near: &'a [Near],
+    nearest: Option<u32>,
+}
+
+impl WithSimd for Weigh<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.patch.clear();
+        self.patch.weigh(simd, self.view, self.near.iter().map(|n| n.vertex), self.nearest);
     }
 }
 

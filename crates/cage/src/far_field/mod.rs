@@ -10,8 +10,6 @@
 //! smaller ones, and at last left to the exact path.
 
 mod descent;
-mod faces;
-mod lanes;
 mod moments;
 mod pack;
 #[cfg(test)]
@@ -22,10 +20,10 @@ use pliant_mesh::Topology;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
+use crate::face_terms::{Patch, View};
 use crate::mean_value::MeanValue;
 use crate::prune::{drop_smallest, drop_within, magnitude};
 use descent::{Descent, Limits, Rest};
-use faces::Faces;
 use moments::{Moments, Surface};
 use pack::{Dipoles, Pack, WIDTH};
 
@@ -44,15 +42,8 @@ pub(crate) struct FarField {
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     descent: Descent,
-    faces: Vec<u32>,
-    batch: Faces,
-    /// Weights of the vertices in `descent.near`.
-    weights: Vec<f64>,
-    /// Faces already listed, marked with the current stamp.
-    seen: Vec<u32>,
-    stamp: u32,
-    /// Where a vertex stands in `descent.near`, plus one.
-    slot: Vec<u32>,
+    /// Exact weights of the vertices in `descent.near`.
+    patch: Patch,
 }
 
 /// A row may be made this often before it is left to the exact path: rarely more than twice.
@@ -117,18 +108,8 @@ impl FarField {
         scratch: &mut Scratch,
         row: &mut Vec<(u32, f64)>,
     ) -> bool {
-        scratch.slot.resize(view.topology.vertex_count(), 0);
-        scratch.seen.resize(view.topology.triangles().len(), 0);
         self.arch.dispatch(MakeRow { field: self, view, nearest, share, scratch, row })
     }
-}
-
-/// A cage and the point, in the normal frame, that looks at it.
-#[derive(Clone, Copy)]
-pub(crate) struct View<'a> {
-    pub(crate) cage: &'a MeanValue,
-    pub(crate) topology: &'a Topology,
-    pub(crate) x: DVec3,
 }
 
 /// One row, to be compiled for the processor's vector registers with all that is inlined into it.
@@ -146,30 +127,31 @@ impl WithSimd for MakeRow<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Self { field, view, nearest, share, scratch, row } = self;
+        let Self { field, view, nearest, share, scratch: Scratch { descent, patch }, row } = self;
         // The nearest face's corners have most of the row's magnitude, or at least a good part.
-        scratch.descent.near.clear();
-        scratch.descent.near.extend(view.topology.triangles()[nearest]);
+        descent.near.clear();
+        descent.near.extend(view.topology.triangles()[nearest]);
+        patch.clear();
         let mut limits = None;
         for _ in 0..TRIES {
-            let rest = limits.map(|limits| scratch.descent.sum(simd, field, view.x, limits));
-            if let Some((face, barycentric)) = weigh_near(simd, view, scratch) {
+            let rest = limits.map(|limits| descent.sum(simd, field, view.x, limits));
+            if let Some((face, barycentric)) = patch.weigh(simd, view, descent.near.iter().copied(), None) {
                 row.clear();
                 row.extend(view.topology.triangles()[face as usize].into_iter().zip(barycentric));
                 drop_smallest(row, share);
                 return true;
             }
             let Some((rest, known)) = rest.zip(limits) else {
-                limits = Limits::of(scratch.weights.iter().map(|w| w.abs()).sum(), share);
+                limits = Limits::of(patch.weights().iter().map(|w| w.abs()).sum(), share);
                 if limits.is_none() {
                     return false;
                 }
                 continue;
             };
             row.clear();
-            row.extend_from_slice(&scratch.descent.listed);
-            row.extend(scratch.descent.near.iter().copied().zip(scratch.weights.iter().copied()));
-            limits = match cut(row, &scratch.descent.listed, share, rest, known) {
+            row.extend_from_slice(&descent.listed);
+            row.extend(descent.near.iter().copied().zip(patch.weights().iter().copied()));
+            limits = match cut(row, &descent.listed, share, rest, known) {
                 Cut::Holds => return true,
                 Cut::Below(weight) => Some(known.below(weight)),
                 Cut::Unsure(factor) if factor < HOPELESS => return false,
@@ -205,41 +187,6 @@ fn cut(row: &mut Vec<(u32, f64)>, listed: &[(u32, f64)], share: f64, rest: Rest,
         return Cut::Unsure(FINER);
     }
     Cut::Holds
-}
-
-/// Sums the weights of the near vertices, exactly; if the point lies on a face, returns that face and its barycentric coordinates.
-#[inline(always)]
-fn weigh_near<S: Simd>(simd: S, view: View<'_>, scratch: &mut Scratch) -> Option<(u32, [f64; 3])> {
-    let Scratch { descent, faces, batch, weights, seen, stamp, slot } = scratch;
-    if *stamp == u32::MAX {
-        seen.fill(0);
-        *stamp = 0;
-    }
-    *stamp += 1;
-    faces.clear();
-    for (at, &v) in descent.near.iter().enumerate() {
-        slot[v as usize] = at as u32 + 1;
-        for &f in view.topology.vertex_faces(v as usize) {
-            if seen[f as usize] != *stamp {
-                seen[f as usize] = *stamp;
-                faces.push(f);
-            }
-        }
-    }
-    weights.clear();
-    weights.resize(descent.near.len(), 0.0);
-    let on = batch.weigh(simd, view.cage, view.x, faces, |face, values| {
-        for (v, value) in view.topology.triangles()[face as usize].into_iter().zip(values) {
-            let at = slot[v as usize];
-            if at > 0 {
-                weights[at as usize - 1] += value;
-            }
-        }
-    });
-    for &v in &descent.near {
-        slot[v as usize] = 0;
-    }
-    on
 }
 
 /// Sorts vertices so that each run of `8^k` from a multiple of it lies close together: split across the longest side, again

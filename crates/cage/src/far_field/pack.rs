@@ -2,8 +2,8 @@
 
 use pulp::Simd;
 
-use super::lanes::Singles;
 use super::moments::Moments;
+use crate::lanes::Singles;
 
 /// Groups in a pack; a multiple of the lanes of every register.
 pub(super) const WIDTH: usize = 8;

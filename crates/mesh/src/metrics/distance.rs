@@ -1,8 +1,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
-use rstar::{AABB, PointDistance, RTree, RTreeObject};
 use serde::{Deserialize, Serialize};
 
+use super::FaceTree;
 use crate::TriMesh;
 
 /// One-sided distance from points to a surface, in units of the model.
@@ -12,45 +12,6 @@ pub struct SurfaceDistance {
     pub rms: f64,
     /// Largest.
     pub max: f64,
-}
-
-/// A face as the tree of boxes sees it: corners and number.
-struct Face([DVec3; 3], u32);
-
-impl RTreeObject for Face {
-    type Envelope = AABB<[f64; 3]>;
-
-    fn envelope(&self) -> Self::Envelope {
-        let [a, b, c] = self.0;
-        AABB::from_corners(a.min(b).min(c).to_array(), a.max(b).max(c).to_array())
-    }
-}
-
-impl PointDistance for Face {
-    fn distance_2(&self, point: &[f64; 3]) -> f64 {
-        let point = DVec3::from_array(*point);
-        point.distance_squared(closest_on_triangle(point, self.0))
-    }
-}
-
-/// Faces of a mesh, to be asked for the one nearest to a point.
-pub struct FaceTree(RTree<Face>);
-
-impl FaceTree {
-    /// A tree of the faces of `triangles`, whose corners are `positions`; `O(n log n)`.
-    ///
-    /// # Panics
-    /// If a face names a vertex that has no position.
-    pub fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
-        let corners = |t: &[u32; 3]| t.map(|v| positions[v as usize]);
-        Self(RTree::bulk_load(triangles.iter().enumerate().map(|(f, t)| Face(corners(t), f as u32)).collect()))
-    }
-
-    /// The nearest face and its distance; one of them where several are equally near, `None` without faces. `O(log n)`.
-    pub fn nearest(&self, point: DVec3) -> Option<(u32, f64)> {
-        let (face, square) = self.0.nearest_neighbor_iter_with_distance_2(point.to_array()).next()?;
-        Some((face.1, square.sqrt()))
-    }
 }
 
 /// Distance of each point to the nearest face of `surface`; infinite if it has no face. Parallel, `O(log faces)` a point.
@@ -82,7 +43,8 @@ pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
         return b;
     }
     let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+    // An edge without length, whose quotient would be 0 / 0, is left to the others.
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3 {
         return a + ab * (d1 / (d1 - d3));
     }
     let cp = p - c;
@@ -91,12 +53,13 @@ pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
         return c;
     }
     let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 && d2 > d6 {
         return a + ac * (d2 / (d2 - d6));
     }
     let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    let (along, back) = (d4 - d3, d5 - d6);
+    if va <= 0.0 && along >= 0.0 && back >= 0.0 && along + back > 0.0 {
+        return b + (c - b) * (along / (along + back));
     }
     // Over the inside: straight down. Weights of the corners would be as far off as the triangle is narrow.
     let normal = ab.cross(ac);

@@ -4,7 +4,9 @@
 
 mod distance;
 mod edge_length;
+mod face_tree;
 
 pub use distance::closest_on_triangle;
-pub use distance::{FaceTree, SurfaceDistance, distances_to_surface, surface_distance};
+pub use distance::{SurfaceDistance, distances_to_surface, surface_distance};
 pub use edge_length::{EdgeErrors, edge_errors, largest_free_stretch};
+pub use face_tree::FaceTree;

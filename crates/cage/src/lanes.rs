@@ -12,56 +12,56 @@ macro_rules! lanes {
      $min:ident, $max:ident, $abs:ident, $sqrt:ident, $less:ident, $select:ident) => {
         /// Lanes of one register.
         #[derive(Clone, Copy)]
-        pub(super) struct $name<S: Simd> {
+        pub(crate) struct $name<S: Simd> {
             simd: S,
             value: S::$register,
         }
 
         impl<S: Simd> $name<S> {
             /// Numbers in a register.
-            pub(super) const COUNT: usize = S::$lanes;
+            pub(crate) const COUNT: usize = S::$lanes;
 
             /// The same number in every lane.
             #[inline(always)]
-            pub(super) fn all(simd: S, number: $number) -> Self {
+            pub(crate) fn all(simd: S, number: $number) -> Self {
                 Self { simd, value: simd.$all(number) }
             }
 
             /// Register `at` of `numbers`, whose length is a multiple of [`Self::COUNT`].
             #[inline(always)]
-            pub(super) fn load(simd: S, numbers: &[$number], at: usize) -> Self {
+            pub(crate) fn load(simd: S, numbers: &[$number], at: usize) -> Self {
                 Self { simd, value: bytemuck::cast_slice(numbers)[at] }
             }
 
             /// Puts the lanes where [`Self::load`] would take them from.
             #[inline(always)]
-            pub(super) fn store(self, numbers: &mut [$number], at: usize) {
+            pub(crate) fn store(self, numbers: &mut [$number], at: usize) {
                 bytemuck::cast_slice_mut(numbers)[at] = self.value;
             }
 
             #[inline(always)]
-            pub(super) fn min(self, other: Self) -> Self {
+            pub(crate) fn min(self, other: Self) -> Self {
                 Self { value: self.simd.$min(self.value, other.value), ..self }
             }
 
             #[inline(always)]
-            pub(super) fn max(self, other: Self) -> Self {
+            pub(crate) fn max(self, other: Self) -> Self {
                 Self { value: self.simd.$max(self.value, other.value), ..self }
             }
 
             #[inline(always)]
-            pub(super) fn abs(self) -> Self {
+            pub(crate) fn abs(self) -> Self {
                 Self { value: self.simd.$abs(self.value), ..self }
             }
 
             #[inline(always)]
-            pub(super) fn sqrt(self) -> Self {
+            pub(crate) fn sqrt(self) -> Self {
                 Self { value: self.simd.$sqrt(self.value), ..self }
             }
 
             /// `yes` where this is less than `limit`, else `no`.
             #[inline(always)]
-            pub(super) fn if_below(self, limit: Self, yes: Self, no: Self) -> Self {
+            pub(crate) fn if_below(self, limit: Self, yes: Self, no: Self) -> Self {
                 let mask = self.simd.$less(self.value, limit.value);
                 Self { value: self.simd.$select(mask, yes.value, no.value), ..self }
             }
