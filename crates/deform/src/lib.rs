@@ -42,6 +42,7 @@ mod goals;
 mod method;
 mod operators;
 mod region;
+pub mod rotation_invariant;
 
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
 pub use error::{DeformError, HandleFault};

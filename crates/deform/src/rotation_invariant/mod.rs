@@ -1,0 +1,5 @@
+//! Linear rotation-invariant coordinates.
+
+mod frames;
+
+pub use frames::{DiscreteFrames, Tangent};
