@@ -1,4 +1,4 @@
-//! Sparse symmetric positive definite systems in f64, for three right-hand sides at a time.
+//! Sparse symmetric positive definite systems and sparse least squares in f64, for three right-hand sides at a time.
 //!
 //! A system has three lifetimes, and each is paid for only when its inputs change:
 //!
@@ -9,18 +9,28 @@
 //! [`Partition`] takes known unknowns out of a system: it cuts a full matrix, given as [`Triplet`]s, into the block of
 //! the free unknowns and their coupling to the fixed ones.
 //!
+//! [`SparseRows`] hold a matrix of any shape, and [`LeastSquares`] or, without a factor, [`IterativeLeastSquares`] solve with it in the
+//! least-squares sense.
+//!
 //! This crate knows numbers only: no mesh, no vertex. faer is used here and nowhere else.
 
 mod cholesky;
 mod error;
+mod iterative;
+mod least_squares;
+mod normal;
 mod panels;
 mod partition;
 mod pattern;
+mod rows;
 
 pub use cholesky::Cholesky;
 pub use error::LinalgError;
+pub use iterative::{IterativeLeastSquares, IterativeReport, Krylov};
+pub use least_squares::LeastSquares;
 pub use partition::{Coupling, Partition};
 pub use pattern::SpdPattern;
+pub use rows::SparseRows;
 
 /// One entry of a symmetric matrix.
 ///
