@@ -1,0 +1,226 @@
+//! Preparing an edit and solving it.
+
+use glam::{DMat3, DVec3};
+use pliant_linalg::{LeastSquares, LinalgError, SparseRows};
+use pliant_mesh::{TriMesh, best_rotation, best_scale, outer};
+
+use super::RotationInvariantOptions;
+use super::frames::DiscreteFrames;
+use super::laplacian::Laplacian;
+use super::orientation::{FrameEquations, Turn, make_orthonormal, spring_weights};
+use super::rim::Rim;
+use crate::patch::{Held, Patch};
+use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport};
+
+/// A prepared edit by rotation-invariant coordinates.
+///
+/// Computes in the rest shape's frame, centred and scaled to a diagonal between 1/2 and 1, so results follow any scale and offset of the
+/// scene. The result does not depend on where the incoming pose has the vertices of the region. Rigid motions and similarities
+/// common to all that is held are reproduced to rounding.
+pub struct RotationInvariant {
+    options: RotationInvariantOptions,
+    rest: TriMesh,
+    edit: Edit,
+}
+
+/// What depends on the region.
+struct Edit {
+    patch: Patch,
+    rim: Rim,
+    laplacian: Laplacian,
+    frames: DiscreteFrames,
+    /// The Laplacian coordinate of each row, in the frame of its vertex.
+    rows: Vec<(u32, DVec3)>,
+    frame_equations: FrameEquations,
+    /// Rows of the Laplacian, then those of soft handles.
+    positions: LeastSquares,
+    /// Vertices of soft handles with the root of their weight.
+    springs: Vec<(u32, f64)>,
+    scratch: Scratch,
+}
+
+/// Arrays of one solve, kept so that the next one allocates nothing. All in the frame; all but `rhs` by vertex of the patch.
+#[derive(Default)]
+struct Scratch {
+    /// Goals, and the pose where there is none; then the solution.
+    pose: Vec<DVec3>,
+    turns: Vec<Turn>,
+    rhs: Vec<[f64; 3]>,
+    solution: Vec<[f64; 3]>,
+}
+
+impl RotationInvariant {
+    /// Assembles and factors; see [`crate::Method::prepare`].
+    ///
+    /// # Errors
+    /// As [`crate::Method::prepare`].
+    pub fn prepare(
+        options: &RotationInvariantOptions,
+        rest: &TriMesh,
+        region: &Region,
+    ) -> Result<Self, DeformError> {
+        options.check()?;
+        let edit = Edit::new(options, rest, region)?;
+        Ok(Self { options: options.clone(), rest: rest.clone(), edit })
+    }
+}
+
+impl Deformer for RotationInvariant {
+    fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
+        let Self { options, edit, .. } = self;
+        edit.patch.read(goals, positions, &mut edit.scratch.pose)?;
+        edit.hold_frames(goals, options.orthonormal);
+        let solved = edit.run(options);
+        solved.map_err(|error| named(error, &edit.patch))?;
+        edit.patch.write(&edit.scratch.pose, goals, positions)?;
+        Ok(SolveReport { iterations: options.coupling, ..SolveReport::default() })
+    }
+
+    fn set_region(&mut self, region: &Region) -> Result<PrepareReport, DeformError> {
+        self.edit = Edit::new(&self.options, &self.rest, region)?;
+        Ok(self.prepared())
+    }
+
+    fn prepared(&self) -> PrepareReport {
+        PrepareReport {
+            unknowns: self.edit.patch.unknown_count(),
+            clamped_weights: self.edit.laplacian.clamped,
+            factor_len: self.edit.frame_equations.solve_len() + self.edit.positions.solve_len(),
+            ..PrepareReport::default()
+        }
+    }
+}
+
+impl Edit {
+    fn new(options: &RotationInvariantOptions, rest: &TriMesh, region: &Region) -> Result<Self, DeformError> {
+        // The rows of fixed vertices next to unknown ones have neighbours a ring farther out.
+        let patch = Patch::new(rest, region, 2)?;
+        let (mesh, held) = (&patch.mesh, &patch.held);
+        let is_unknown = |v: usize| held[v].is_unknown();
+        // Step I of section 4.2.
+        let frames = DiscreteFrames::of(mesh, options.tangent);
+        let laplacian = Laplacian::new(mesh, options.weights);
+        // Step II (Eq. 14). A row without an unknown says nothing.
+        let mut rows = Vec::new();
+        let mut matrix = SparseRows::new(held.len());
+        let mut diagonal = vec![0.0; held.len()];
+        for i in 0..held.len() {
+            let neighbours = mesh.topology().neighbours(i);
+            if neighbours.is_empty() || !(is_unknown(i) || neighbours.iter().any(|&j| is_unknown(j as usize))) {
+                continue;
+            }
+            let row = laplacian.row(mesh, i);
+            for (j, value) in row.clone() {
+                diagonal[j as usize] += value * value;
+            }
+            matrix.push_row(row).map_err(DeformError::TooLarge)?;
+            rows.push((i as u32, frames.local(i, laplacian.apply(mesh, i))));
+        }
+        let mut springs = Vec::new();
+        for (k, weight) in (0..).zip(spring_weights(held, &diagonal)) {
+            if weight > 0.0 {
+                let root = weight.sqrt();
+                matrix.push_row([(k, root)]).map_err(DeformError::TooLarge)?;
+                springs.push((k, root));
+            }
+        }
+        let scratch = Scratch {
+            turns: vec![Turn::IDENTITY; held.len()],
+            rhs: vec![[0.0; 3]; matrix.row_count()],
+            solution: vec![[0.0; 3]; held.len()],
+            ..Scratch::default()
+        };
+        let name = |error| named(error, &patch);
+        let frame_equations = FrameEquations::new(mesh, held, laplacian.weights.clone()).map_err(name)?;
+        let positions = LeastSquares::new(matrix, is_unknown).map_err(name)?;
+        let rim = Rim::new(&patch);
+        Ok(Self { patch, rim, laplacian, frames, rows, frame_equations, positions, springs, scratch })
+    }
+
+    /// What the frames of handles and of the rim are held to (Eq. 20).
+    fn hold_frames(&mut self, goals: &Goals, orthonormal: bool) {
+        let Self { patch, rim, scratch, .. } = self;
+        let Scratch { pose, turns, .. } = scratch;
+        rim.read(&patch.mesh, pose, turns);
+        for (turn, held) in turns.iter_mut().zip(&patch.held) {
+            if let Some(handle) = held.handle() {
+                let goal = &goals.transforms[handle as usize];
+                *turn = Turn { linear: DMat3::from_quat(goal.rotation.normalize()), log_scale: goal.scale.ln() };
+            }
+            if !orthonormal {
+                *turn = Turn { linear: turn.map(), log_scale: 0.0 };
+            }
+        }
+    }
+
+    /// Steps III to V of section 4.2.
+    fn run(&mut self, options: &RotationInvariantOptions) -> Result<(), LinalgError> {
+        let Self { patch, frame_equations, scratch, .. } = self;
+        let Scratch { pose, turns, solution, .. } = scratch;
+        for (x, p) in solution.iter_mut().zip(&*pose) {
+            *x = p.to_array();
+        }
+        frame_equations.solve(&patch.mesh, &patch.held, turns)?;
+        if options.orthonormal {
+            make_orthonormal(&patch.held, turns);
+        }
+        self.solve_positions()?;
+        for _ in 0..options.coupling {
+            self.refit_turns(options.orthonormal);
+            self.solve_positions()?;
+        }
+        let Scratch { pose, solution, .. } = &mut self.scratch;
+        for (p, x) in pose.iter_mut().zip(solution) {
+            *p = DVec3::from_array(*x);
+        }
+        Ok(())
+    }
+
+    /// Steps IV and V: local coordinates to global ones, and the Laplacian system for these (Eq. 19).
+    fn solve_positions(&mut self) -> Result<(), LinalgError> {
+        let Self { frames, rows, positions, springs, scratch, .. } = self;
+        let Scratch { pose, turns, rhs, solution } = scratch;
+        let (laplacian, soft) = rhs.split_at_mut(rows.len());
+        for (b, &(i, local)) in laplacian.iter_mut().zip(&*rows) {
+            let turned = turns[i as usize].map() * frames.columns(i as usize);
+            // `sum_k local_k f_k`. Eq. 18 prints the dot product of Eq. 14 once more, which would be the transpose.
+            *b = (turned * local).to_array();
+        }
+        for (b, &(k, root)) in soft.iter_mut().zip(&*springs) {
+            *b = (root * pose[k as usize]).to_array();
+        }
+        positions.solve(rhs, solution)
+    }
+
+    /// The best rotation of the ring of each vertex that is not held, from rest to the solution (Eq. 22), and without `orthonormal` the
+    /// best scale.
+    fn refit_turns(&mut self, orthonormal: bool) {
+        let Self { patch, laplacian, scratch, .. } = self;
+        let Scratch { turns, solution, .. } = scratch;
+        let (mesh, topology) = (&patch.mesh, patch.mesh.topology());
+        let at = |v: u32| DVec3::from_array(solution[v as usize]);
+        for (i, turn) in turns.iter_mut().enumerate().filter(|(i, _)| patch.held[*i].is_unknown()) {
+            let (mut covariance, mut squares) = (DMat3::ZERO, 0.0);
+            for (&j, &edge) in topology.neighbours(i).iter().zip(topology.neighbour_edges(i)) {
+                let rest = mesh.positions[j as usize] - mesh.positions[i];
+                let weight = laplacian.weights[edge as usize];
+                covariance += outer(at(j) - at(i as u32), rest) * weight;
+                squares += weight * rest.length_squared();
+            }
+            turn.linear = best_rotation(covariance);
+            if !orthonormal {
+                turn.log_scale = best_scale(turn.linear, covariance, squares).ln();
+            }
+        }
+    }
+}
+
+/// Names the vertex behind the unknown of an error.
+fn named(error: LinalgError, patch: &Patch) -> DeformError {
+    let vertex = |unknown: usize| patch.vertices.get(unknown).copied().unwrap_or(u32::MAX);
+    match error {
+        LinalgError::SolutionNotFinite { unknown } => DeformError::ResultNotFinite { vertex: vertex(unknown) },
+        LinalgError::NotPositiveDefinite { unknown } => DeformError::Singular { vertex: vertex(unknown) },
+        other => DeformError::TooLarge(other),
+    }
+}
