@@ -45,9 +45,11 @@ mod operators;
 mod patch;
 mod region;
 pub mod rotation_invariant;
+mod text;
 
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use region::{Constraint, Handle, Region, Role};
+pub use rotation_invariant::RotationInvariantOptions;

@@ -1,11 +1,13 @@
 use std::fmt;
+use std::str::FromStr;
 use std::time::Duration;
 
 use glam::DVec3;
 use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
-use crate::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
+use crate::arap::{Arap, ArapOptions};
+use crate::rotation_invariant::{RotationInvariant, RotationInvariantOptions};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -15,6 +17,8 @@ use crate::{DeformError, Goals, Region};
 pub enum Method {
     /// As-rigid-as-possible surface modeling.
     Arap(ArapOptions),
+    /// Linear rotation-invariant coordinates.
+    RotationInvariant(RotationInvariantOptions),
 }
 
 impl Default for Method {
@@ -33,48 +37,62 @@ impl Method {
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
+            Self::RotationInvariant(options) => Ok(Box::new(RotationInvariant::prepare(options, rest, region)?)),
         }
     }
 }
 
 impl Method {
-    /// The same method with exactly this many iterations a solve.
+    /// The same method with exactly this many iterations a solve, if it is one that iterates.
     #[must_use]
     pub fn with_iterations(&self, iterations: u32) -> Self {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
+            Self::RotationInvariant(_) => self.clone(),
         }
     }
 
-    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times.
+    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times. Methods that do not
+    /// iterate are as they were.
     #[must_use]
     pub fn until_converged(&self, tolerance: f64, most: u32) -> Self {
         match self {
             Self::Arap(options) => {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
+            Self::RotationInvariant(_) => self.clone(),
         }
     }
 }
 
-/// Name, weights and energy, as tables print them: `arap cotangent spokes`.
+/// `name`, or `name:token+token` with the options that differ from the default: `arap:uniform`.
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Arap(options) => {
-                let weights = match options.weights {
-                    EdgeWeightKind::Cotangent => "cotangent",
-                    EdgeWeightKind::Uniform => "uniform",
-                };
-                let energy = match options.energy {
-                    ArapEnergy::Spokes => "spokes",
-                    ArapEnergy::SpokesAndRims => "spokes-and-rims",
-                };
-                write!(f, "arap {weights} {energy}")
-            }
+        let (name, options) = match self {
+            Self::Arap(options) => ("arap", options.to_string()),
+            Self::RotationInvariant(options) => ("rotation-invariant", options.to_string()),
+        };
+        f.write_str(name)?;
+        if options.is_empty() { Ok(()) } else { write!(f, ":{options}") }
+    }
+}
+
+/// Reads what `Display` writes.
+impl FromStr for Method {
+    type Err = DeformError;
+
+    fn from_str(text: &str) -> Result<Self, DeformError> {
+        let (name, options) = text.split_once(':').unwrap_or((text, ""));
+        match name {
+            "arap" => Ok(Self::Arap(options.parse()?)),
+            "rotation-invariant" => Ok(Self::RotationInvariant(options.parse()?)),
+            _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
     }
 }
+
+/// The names of the methods.
+const NAMES: &str = "arap or rotation-invariant";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {

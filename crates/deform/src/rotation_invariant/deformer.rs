@@ -9,7 +9,7 @@ use super::frames::DiscreteFrames;
 use super::laplacian::Laplacian;
 use super::orientation::{FrameEquations, Turn, make_orthonormal, spring_weights};
 use super::rim::Rim;
-use crate::patch::{Held, Patch};
+use crate::patch::Patch;
 use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport};
 
 /// A prepared edit by rotation-invariant coordinates.
