@@ -54,11 +54,7 @@ impl RotationInvariant {
     ///
     /// # Errors
     /// As [`crate::Method::prepare`].
-    pub fn prepare(
-        options: &RotationInvariantOptions,
-        rest: &TriMesh,
-        region: &Region,
-    ) -> Result<Self, DeformError> {
+    pub fn prepare(options: &RotationInvariantOptions, rest: &TriMesh, region: &Region) -> Result<Self, DeformError> {
         options.check()?;
         let edit = Edit::new(options, rest, region)?;
         Ok(Self { options: options.clone(), rest: rest.clone(), edit })

@@ -126,8 +126,7 @@ impl FromStr for RotationInvariantOptions {
 }
 
 /// What the text form may have.
-const TOKENS: &str =
-    "cotangent, uniform, tangent-from-edge, tangent-from-normal, orthonormal, raw or coupling=N";
+const TOKENS: &str = "cotangent, uniform, tangent-from-edge, tangent-from-normal, orthonormal, raw or coupling=N";
 
 #[cfg(test)]
 mod tests {
