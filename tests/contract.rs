@@ -3,7 +3,7 @@
 use pliant::glam::DVec3;
 use pliant::{
     ArapEnergy, ArapOptions, Binding, CageSize, DeformError, EdgeWeightKind, Goals, Handle, Method, Propagation, Prune,
-    Region, Silent, Similarity, TriMesh, VertexSet, creature, shapes, simplify,
+    Region, RotationInvariantOptions, Silent, Similarity, TriMesh, VertexSet, creature, shapes, simplify,
 };
 
 fn methods() -> Vec<Method> {
@@ -12,6 +12,9 @@ fn methods() -> Vec<Method> {
         for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
             methods.push(Method::Arap(ArapOptions { weights, energy, ..ArapOptions::default() }));
         }
+    }
+    for options in [RotationInvariantOptions::default(), RotationInvariantOptions::faithful()] {
+        methods.push(Method::RotationInvariant(options));
     }
     methods
 }
@@ -106,6 +109,26 @@ fn a_common_rigid_motion_of_all_handles_is_reproduced() {
         let expected: Vec<DVec3> = shape.positions.iter().map(|p| motion.apply(*p)).collect();
         // The first guess is the motion itself; what is left is rounding of rotations and factor.
         let error = largest(&pose, &expected) / shape.bounds().diagonal();
+        assert!(error < 1e-9, "{name}: {error:e}");
+    });
+}
+
+/// A turn and a scale common to all handles, by the methods that look at the goals' linear parts. On a cage it is the cage's pose that
+/// has it.
+#[test]
+fn a_common_similarity_of_all_handles_is_reproduced_by_some() {
+    let map = Similarity {
+        translation: DVec3::new(3.0, -1.0, 0.5),
+        ..Similarity::about(DVec3::new(0.2, 1.0, -2.0), DVec3::new(1.0, 0.5, -0.7), 2.3, 1.8)
+    };
+    everywhere(|name, method, shape, stage| {
+        if matches!(method, Method::Arap(_)) {
+            return;
+        }
+        let mesh = if let Stage::Cage(cage, _) = stage { cage } else { shape };
+        let pose = solve(method, mesh, &Goals::new(vec![map; 2]));
+        let expected: Vec<DVec3> = mesh.positions.iter().map(|p| map.apply(*p)).collect();
+        let error = largest(&pose, &expected) / mesh.bounds().diagonal();
         assert!(error < 1e-9, "{name}: {error:e}");
     });
 }

@@ -6,7 +6,8 @@ pub use pliant_cage::{
 };
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle,
-    HandleFault, Method, PrepareReport, Region, Role, SolveReport, StepTimes,
+    HandleFault, Method, PrepareReport, Region, Role, RotationInvariantOptions, SolveReport, StepTimes,
+    rotation_invariant,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,
