@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_6, PI};
 
 use common::{along_x, bar, distance, pyramid, sheet, torus};
 use glam::{DMat3, DVec3};
-use pliant_deform::rotation_invariant::{MAX_COUPLING, RotationInvariant, Tangent};
+use pliant_deform::rotation_invariant::{MAX_COUPLING, Reconstruction, RotationInvariant, Tangent};
 use pliant_deform::{
     DeformError, Deformer, EdgeWeightKind, Goals, Handle, Method, Region, Role, RotationInvariantOptions,
 };
@@ -25,15 +25,17 @@ fn all_shapes() -> Vec<(&'static str, TriMesh)> {
 /// Each option in both settings, not all with all; the default and the paper's among them.
 fn variants() -> Vec<RotationInvariantOptions> {
     let (cotangent, uniform) = (EdgeWeightKind::Cotangent, EdgeWeightKind::Uniform);
+    let (laplacian, edges) = (Reconstruction::Laplacian, Reconstruction::Edges);
     [
-        (cotangent, Tangent::Edge, true, 0),
-        (uniform, Tangent::Normal, false, 0),
-        (cotangent, Tangent::Normal, true, 2),
-        (uniform, Tangent::Edge, true, 0),
-        (cotangent, Tangent::Edge, false, 2),
+        (cotangent, laplacian, Tangent::Edge, true, 0),
+        (uniform, laplacian, Tangent::Normal, false, 0),
+        (cotangent, laplacian, Tangent::Normal, true, 2),
+        (uniform, edges, Tangent::Edge, true, 0),
+        (cotangent, edges, Tangent::Edge, false, 2),
     ]
-    .map(|(weights, tangent, orthonormal, coupling)| RotationInvariantOptions {
+    .map(|(weights, reconstruction, tangent, orthonormal, coupling)| RotationInvariantOptions {
         weights,
+        reconstruction,
         tangent,
         orthonormal,
         coupling,

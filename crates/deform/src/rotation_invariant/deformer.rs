@@ -1,14 +1,14 @@
 //! Preparing an edit and solving it.
 
 use glam::{DMat3, DVec3};
-use pliant_linalg::{LeastSquares, LinalgError, SparseRows};
+use pliant_linalg::LinalgError;
 use pliant_mesh::{TriMesh, best_rotation, best_scale, outer};
 
-use super::RotationInvariantOptions;
-use super::frames::DiscreteFrames;
 use super::laplacian::Laplacian;
-use super::orientation::{FrameEquations, Turn, make_orthonormal, spring_weights};
+use super::orientation::{FrameEquations, Turn, make_orthonormal};
+use super::positions::LaplacianEquations;
 use super::rim::Rim;
+use super::{Reconstruction, RotationInvariantOptions};
 use crate::patch::Patch;
 use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport};
 
@@ -28,24 +28,18 @@ struct Edit {
     patch: Patch,
     rim: Rim,
     laplacian: Laplacian,
-    frames: DiscreteFrames,
-    /// The Laplacian coordinate of each row, in the frame of its vertex.
-    rows: Vec<(u32, DVec3)>,
     frame_equations: FrameEquations,
-    /// Rows of the Laplacian, then those of soft handles.
-    positions: LeastSquares,
-    /// Vertices of soft handles with the root of their weight.
-    springs: Vec<(u32, f64)>,
+    /// None where positions are rebuilt from edges: these have the matrix of the frames.
+    laplacian_equations: Option<LaplacianEquations>,
     scratch: Scratch,
 }
 
-/// Arrays of one solve, kept so that the next one allocates nothing. All in the frame; all but `rhs` by vertex of the patch.
+/// Arrays of one solve, kept so that the next one allocates nothing. All in the frame, by vertex of the patch.
 #[derive(Default)]
 struct Scratch {
     /// Goals, and the pose where there is none; then the solution.
     pose: Vec<DVec3>,
     turns: Vec<Turn>,
-    rhs: Vec<[f64; 3]>,
     solution: Vec<[f64; 3]>,
 }
 
@@ -81,7 +75,8 @@ impl Deformer for RotationInvariant {
         PrepareReport {
             unknowns: self.edit.patch.unknown_count(),
             clamped_weights: self.edit.laplacian.clamped,
-            factor_len: self.edit.frame_equations.solve_len() + self.edit.positions.solve_len(),
+            factor_len: self.edit.frame_equations.solve_len()
+                + self.edit.laplacian_equations.as_ref().map_or(0, LaplacianEquations::solve_len),
             ..PrepareReport::default()
         }
     }
@@ -92,45 +87,22 @@ impl Edit {
         // The rows of fixed vertices next to unknown ones have neighbours a ring farther out.
         let patch = Patch::new(rest, region, 2)?;
         let (mesh, held) = (&patch.mesh, &patch.held);
-        let is_unknown = |v: usize| held[v].is_unknown();
-        // Step I of section 4.2.
-        let frames = DiscreteFrames::of(mesh, options.tangent);
         let laplacian = Laplacian::new(mesh, options.weights);
-        // Step II (Eq. 14). A row without an unknown says nothing.
-        let mut rows = Vec::new();
-        let mut matrix = SparseRows::new(held.len());
-        let mut diagonal = vec![0.0; held.len()];
-        for i in 0..held.len() {
-            let neighbours = mesh.topology().neighbours(i);
-            if neighbours.is_empty() || !(is_unknown(i) || neighbours.iter().any(|&j| is_unknown(j as usize))) {
-                continue;
+        let name = |error| named(error, &patch);
+        let frame_equations = FrameEquations::new(mesh, held, laplacian.weights.clone()).map_err(name)?;
+        let laplacian_equations = match options.reconstruction {
+            Reconstruction::Edges => None,
+            Reconstruction::Laplacian => {
+                Some(LaplacianEquations::new(mesh, held, &laplacian, options.tangent).map_err(name)?)
             }
-            let row = laplacian.row(mesh, i);
-            for (j, value) in row.clone() {
-                diagonal[j as usize] += value * value;
-            }
-            matrix.push_row(row).map_err(DeformError::TooLarge)?;
-            rows.push((i as u32, frames.local(i, laplacian.apply(mesh, i))));
-        }
-        let mut springs = Vec::new();
-        for (k, weight) in (0..).zip(spring_weights(held, &diagonal)) {
-            if weight > 0.0 {
-                let root = weight.sqrt();
-                matrix.push_row([(k, root)]).map_err(DeformError::TooLarge)?;
-                springs.push((k, root));
-            }
-        }
+        };
+        let rim = Rim::new(&patch);
         let scratch = Scratch {
             turns: vec![Turn::IDENTITY; held.len()],
-            rhs: vec![[0.0; 3]; matrix.row_count()],
             solution: vec![[0.0; 3]; held.len()],
             ..Scratch::default()
         };
-        let name = |error| named(error, &patch);
-        let frame_equations = FrameEquations::new(mesh, held, laplacian.weights.clone()).map_err(name)?;
-        let positions = LeastSquares::new(matrix, is_unknown).map_err(name)?;
-        let rim = Rim::new(&patch);
-        Ok(Self { patch, rim, laplacian, frames, rows, frame_equations, positions, springs, scratch })
+        Ok(Self { patch, rim, laplacian, frame_equations, laplacian_equations, scratch })
     }
 
     /// What the frames of handles and of the rim are held to (Eq. 20).
@@ -149,7 +121,7 @@ impl Edit {
         }
     }
 
-    /// Steps III to V of section 4.2.
+    /// Step III of section 4.2, then positions.
     fn run(&mut self, options: &RotationInvariantOptions) -> Result<(), LinalgError> {
         let Self { patch, frame_equations, scratch, .. } = self;
         let Scratch { pose, turns, solution, .. } = scratch;
@@ -172,20 +144,14 @@ impl Edit {
         Ok(())
     }
 
-    /// Steps IV and V: local coordinates to global ones, and the Laplacian system for these (Eq. 19).
+    /// The positions that go with the turns.
     fn solve_positions(&mut self) -> Result<(), LinalgError> {
-        let Self { frames, rows, positions, springs, scratch, .. } = self;
-        let Scratch { pose, turns, rhs, solution } = scratch;
-        let (laplacian, soft) = rhs.split_at_mut(rows.len());
-        for (b, &(i, local)) in laplacian.iter_mut().zip(&*rows) {
-            let turned = turns[i as usize].map() * frames.columns(i as usize);
-            // `sum_k local_k f_k`. Eq. 18 prints the dot product of Eq. 14 once more, which would be the transpose.
-            *b = (turned * local).to_array();
+        let Self { patch, frame_equations, laplacian_equations, scratch, .. } = self;
+        let Scratch { pose, turns, solution } = scratch;
+        match laplacian_equations {
+            Some(equations) => equations.solve(turns, pose, solution),
+            None => frame_equations.solve_positions(&patch.mesh, &patch.held, turns, pose, solution),
         }
-        for (b, &(k, root)) in soft.iter_mut().zip(&*springs) {
-            *b = (root * pose[k as usize]).to_array();
-        }
-        positions.solve(rhs, solution)
     }
 
     /// The best rotation of the ring of each vertex that is not held, from rest to the solution (Eq. 22), and without `orthonormal` the

@@ -82,17 +82,16 @@ impl FrameEquations {
     pub(super) fn solve(&mut self, mesh: &TriMesh, held: &[Held], turns: &mut [Turn]) -> Result<(), LinalgError> {
         let scales = turns.iter().any(|turn| turn.log_scale != 0.0);
         for part in 0..3 + usize::from(scales) {
-            let get = |turn: &Turn| match part {
-                3 => DVec3::new(turn.log_scale, 0.0, 0.0),
-                column => turn.linear.col(column),
+            let value = |i: usize| match part {
+                3 => DVec3::new(turns[i].log_scale, 0.0, 0.0),
+                column => turns[i].linear.col(column),
             };
-            self.load(mesh, held, |i| get(&turns[i]));
-            self.factor.solve_in_place(&mut self.rhs)?;
-            for ((turn, held), x) in turns.iter_mut().zip(held).zip(&self.rhs) {
+            self.solve_for(mesh, held, value, |_, _| DVec3::ZERO)?;
+            let unknowns = turns.iter_mut().zip(&self.rhs).zip(held).filter(|(_, held)| held.is_unknown());
+            for ((turn, x), _) in unknowns {
                 match part {
-                    _ if !held.is_unknown() => {}
                     3 => turn.log_scale = x[0],
-                    // Springs' goals of this column are used up.
+                    // What springs draw this column to has been read.
                     column => *turn.linear.col_mut(column) = DVec3::from_array(*x),
                 }
             }
@@ -100,11 +99,53 @@ impl FrameEquations {
         Ok(())
     }
 
-    /// Right-hand sides: the held neighbours' values and the springs' goals.
-    fn load(&mut self, mesh: &TriMesh, held: &[Held], value: impl Fn(usize) -> DVec3) {
+    /// The positions whose edges are those of the rest shape, turned with the frames at both ends: minimises the sum of `w_ij |x_j - x_i - F_i c_ij|^2` over
+    /// edges and ends (Lipman et al. 2005), `c_ij` being the rest edge in frame `i`, so that `F_i c_ij = M_i (p_j - p_i)`. The matrix is that of
+    /// the frames. `goals` are read at springs, and `x` where nothing is unknown.
+    pub(super) fn solve_positions(
+        &mut self,
+        mesh: &TriMesh,
+        held: &[Held],
+        turns: &[Turn],
+        goals: &[DVec3],
+        x: &mut [[f64; 3]],
+    ) -> Result<(), LinalgError> {
+        let (topology, p) = (mesh.topology(), &mesh.positions);
+        self.solve_for(
+            mesh,
+            held,
+            |i| goals[i],
+            |i, weights| {
+                let at = turns[i].map();
+                let ring = topology.neighbours(i).iter().zip(topology.neighbour_edges(i));
+                let turned = ring.map(|(&j, &edge)| {
+                    let j = j as usize;
+                    0.5 * weights[edge as usize] * ((at + turns[j].map()) * (p[i] - p[j]))
+                });
+                turned.sum()
+            },
+        )?;
+        for ((x, solution), _) in x.iter_mut().zip(&self.rhs).zip(held).filter(|(_, held)| held.is_unknown()) {
+            *x = *solution;
+        }
+        Ok(())
+    }
+
+    /// Leaves in `rhs` the solution of `sum_j w_ij (x_i - x_j) + alpha_i x_i = load_i + alpha_i value_i` for the unknowns, with `value_j` for
+    /// those that are held; `load` is given the weights of the edges.
+    fn solve_for(
+        &mut self,
+        mesh: &TriMesh,
+        held: &[Held],
+        value: impl Fn(usize) -> DVec3,
+        load: impl Fn(usize, &[f64]) -> DVec3,
+    ) -> Result<(), LinalgError> {
         let topology = mesh.topology();
         for (i, rhs) in self.rhs.iter_mut().enumerate().filter(|(i, _)| held[*i].is_unknown()) {
-            let mut sum = if self.springs[i] > 0.0 { self.springs[i] * value(i) } else { DVec3::ZERO };
+            let mut sum = load(i, &self.weights);
+            if self.springs[i] > 0.0 {
+                sum += self.springs[i] * value(i);
+            }
             for (&j, &edge) in topology.neighbours(i).iter().zip(topology.neighbour_edges(i)) {
                 if !held[j as usize].is_unknown() {
                     sum += self.weights[edge as usize] * value(j as usize);
@@ -112,6 +153,7 @@ impl FrameEquations {
             }
             *rhs = sum.to_array();
         }
+        self.factor.solve_in_place(&mut self.rhs)
     }
 }
 
