@@ -38,8 +38,10 @@
 
 pub mod arap;
 mod error;
+mod fit;
 mod frame;
 mod goals;
+pub mod laplacian;
 mod method;
 mod operators;
 mod patch;
@@ -47,9 +49,10 @@ mod region;
 pub mod rotation_invariant;
 mod text;
 
-pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
+pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
+pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use region::{Constraint, Handle, Region, Role};
 pub use rotation_invariant::RotationInvariantOptions;

@@ -2,7 +2,7 @@
 
 #[cfg(test)]
 use pliant_linalg::Triplet;
-use pliant_mesh::{EdgeWeights, Topology, TriMesh, face_area_vector};
+use pliant_mesh::{EdgeWeights, Topology, TriMesh};
 use serde::{Deserialize, Serialize};
 
 /// Largest ratio of two cotangent weights of a mesh.
@@ -114,31 +114,6 @@ pub(crate) fn edge_sums(topology: &Topology, face_weights: &[[f64; 3]]) -> Vec<f
     sums
 }
 
-/// Area of each vertex: its Voronoi cell within its triangles, or at obtuse triangles a half or a quarter of them (Meyer et al. 2002,
-/// section 3.3). They add up to the area of the mesh.
-pub(crate) fn voronoi_areas(mesh: &TriMesh) -> Vec<f64> {
-    let mut areas = vec![0.0; mesh.vertex_count()];
-    for (face, triangle) in mesh.triangles().iter().enumerate() {
-        let p = mesh.corners(face);
-        let area = face_area_vector(p).length();
-        // Scalar products of the two sides at each corner: cotangents times twice the area.
-        let dots: [f64; 3] = std::array::from_fn(|k| (p[(k + 1) % 3] - p[k]).dot(p[(k + 2) % 3] - p[k]));
-        let obtuse = dots.iter().position(|dot| *dot <= 0.0);
-        for k in 0..3 {
-            areas[triangle[k] as usize] += match obtuse {
-                Some(corner) => area * if corner == k { 0.5 } else { 0.25 },
-                None => {
-                    let (next, last) = ((k + 1) % 3, (k + 2) % 3);
-                    let square = |a: usize| p[a].distance_squared(p[k]);
-                    // Never above the area, whatever rounding makes of a needle.
-                    ((square(next) * dots[last] + square(last) * dots[next]) / (16.0 * area)).min(area)
-                }
-            };
-        }
-    }
-    areas
-}
-
 /// The positive semidefinite Laplacian `+L`, `(L x)_i = sum_j w_ij (x_i - x_j)`: three entries per edge.
 #[cfg(test)]
 pub(crate) fn laplacian(topology: &Topology, weights: &[f64]) -> Vec<Triplet> {
@@ -150,7 +125,6 @@ pub(crate) fn laplacian(topology: &Topology, weights: &[f64]) -> Vec<Triplet> {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use pliant_mesh::shapes;
 
     use super::*;
 
@@ -184,19 +158,6 @@ mod tests {
             assert!(a + b + c > 0.0);
         }
         assert_eq!(half_cotangents([DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]), [0.0; 3]);
-    }
-
-    #[test]
-    fn voronoi_areas_add_up_and_are_exact_on_a_grid() {
-        let grid = shapes::plane_grid(6, 4, 3.0, 2.0).expect("valid size");
-        let areas = voronoi_areas(&grid);
-        assert!((areas.iter().sum::<f64>() - 6.0).abs() < 1e-13);
-        // An inner vertex of a grid of squares owns one of them, however they are cut.
-        let boundary = grid.topology().boundary_vertices();
-        assert!((0..areas.len()).all(|v| boundary[v] || (areas[v] - 0.25).abs() < 1e-14));
-        let obtuse = shapes::cylinder(0.2, 5.0, 7, 3, 2).expect("valid");
-        let area: f64 = (0..obtuse.face_count()).map(|f| face_area_vector(obtuse.corners(f)).length()).sum();
-        assert!((voronoi_areas(&obtuse).iter().sum::<f64>() / area - 1.0).abs() < 1e-13);
     }
 
     #[test]

@@ -288,8 +288,8 @@ fn twists_are_spread_and_wrap_at_half_a_turn() {
 }
 
 /// Yuan, Fig. 5-8: a cuboid held at 4 points of one end, 4 soft points of the other turned by 30 and by 90 degrees, moved by 0.3 and
-/// scaled by 2 and a half; and the same on a bumpy sphere. The goals are met as far as soft ones can be, and the size of each edge stays near to
-/// what it was or should be.
+/// scaled by 2 and a half; and the same on a bumpy sphere. The goals are met as far as soft ones can be, and the size of each edge stays
+/// near to what it was or should be.
 #[test]
 fn the_papers_edits_with_four_hard_and_four_soft_points() {
     let mut bumpy = shapes::icosphere(3);
@@ -341,8 +341,8 @@ fn the_papers_edits_with_four_hard_and_four_soft_points() {
     }
 }
 
-/// Eq. 20 with a scale: one end keeps its size, the other gets twice or half of it; where the scale's logarithm is half way, cross-sections are of the
-/// mean factor.
+/// Eq. 20 with a scale: one end keeps its size, the other gets twice or half of it; where the scale's logarithm is half way,
+/// cross-sections are of the mean factor.
 #[test]
 fn scales_are_spread_by_factors() {
     let mesh = shapes::cylinder(0.3, 3.0, 16, 30, 2).expect("valid");

@@ -61,7 +61,7 @@ impl Deformer for RotationInvariant {
         edit.patch.read(goals, positions, &mut edit.scratch.pose)?;
         edit.hold_frames(goals, options.orthonormal);
         let solved = edit.run(options);
-        solved.map_err(|error| named(error, &edit.patch))?;
+        solved.map_err(|error| DeformError::of_system(error, &edit.patch.vertices))?;
         edit.patch.write(&edit.scratch.pose, goals, positions)?;
         Ok(SolveReport { iterations: options.coupling, ..SolveReport::default() })
     }
@@ -77,7 +77,6 @@ impl Deformer for RotationInvariant {
             clamped_weights: self.edit.laplacian.clamped,
             factor_len: self.edit.frame_equations.solve_len()
                 + self.edit.laplacian_equations.as_ref().map_or(0, LaplacianEquations::solve_len),
-            ..PrepareReport::default()
         }
     }
 }
@@ -88,7 +87,7 @@ impl Edit {
         let patch = Patch::new(rest, region, 2)?;
         let (mesh, held) = (&patch.mesh, &patch.held);
         let laplacian = Laplacian::new(mesh, options.weights);
-        let name = |error| named(error, &patch);
+        let name = |error| DeformError::of_system(error, &patch.vertices);
         let frame_equations = FrameEquations::new(mesh, held, laplacian.weights.clone()).map_err(name)?;
         let laplacian_equations = match options.reconstruction {
             Reconstruction::Edges => None,
@@ -174,15 +173,5 @@ impl Edit {
                 turn.log_scale = best_scale(turn.linear, covariance, squares).ln();
             }
         }
-    }
-}
-
-/// Names the vertex behind the unknown of an error.
-fn named(error: LinalgError, patch: &Patch) -> DeformError {
-    let vertex = |unknown: usize| patch.vertices.get(unknown).copied().unwrap_or(u32::MAX);
-    match error {
-        LinalgError::SolutionNotFinite { unknown } => DeformError::ResultNotFinite { vertex: vertex(unknown) },
-        LinalgError::NotPositiveDefinite { unknown } => DeformError::Singular { vertex: vertex(unknown) },
-        other => DeformError::TooLarge(other),
     }
 }

@@ -1,13 +1,13 @@
 //! Laplacian coordinates as rows of numbers.
 
 use glam::DVec3;
-use pliant_mesh::TriMesh;
+use pliant_mesh::{TriMesh, mixed_voronoi_areas};
 
 use crate::EdgeWeightKind;
-use crate::operators::{edge_weights, voronoi_areas};
+use crate::operators::edge_weights;
 
-/// Largest ratio of two cotangent weights. A pair of vertices that an edge so much stiffer than others ties together leaves the square of its
-/// inverse as a pivot of the normal equations, and below 1e-12 there would be none.
+/// Largest ratio of two cotangent weights. A pair of vertices that an edge so much stiffer than others ties together leaves the
+/// square of its inverse as a pivot of the normal equations, and below 1e-12 there would be none.
 const MAX_SPREAD: f64 = 1e5;
 
 /// Smallest area of a vertex, as a share of the mean square of its edges: a fan of slivers has next to none, and would get a row that
@@ -41,7 +41,7 @@ impl Laplacian {
         let scales = match kind {
             EdgeWeightKind::Uniform => (0..mesh.vertex_count()).map(|i| 1.0 / count(i)).collect(),
             EdgeWeightKind::Cotangent => {
-                let areas = voronoi_areas(mesh).into_iter().enumerate();
+                let areas = mixed_voronoi_areas(mesh).into_iter().enumerate();
                 areas
                     .map(|(i, area)| {
                         let squares: f64 = ring(i).map(|p| p.distance_squared(mesh.positions[i])).sum();
@@ -106,7 +106,7 @@ mod tests {
         let sphere = shapes::icosphere(4);
         let uniform = Laplacian::new(&sphere, EdgeWeightKind::Uniform);
         let cotangent = Laplacian::new(&sphere, EdgeWeightKind::Cotangent);
-        let areas = voronoi_areas(&sphere);
+        let areas = mixed_voronoi_areas(&sphere);
         for (i, &p) in sphere.positions.iter().enumerate() {
             let ring = sphere.topology().neighbours(i);
             let mean = ring.iter().map(|&j| sphere.positions[j as usize]).sum::<DVec3>() / ring.len() as f64;

@@ -17,12 +17,12 @@
 //! is made for; [`RotationInvariantOptions::coupling`] helps with others.
 //!
 //! **Turns wrap at half a turn.** The frame equations are linear in the matrices, and a matrix does not tell 200 degrees from -160:
-//! between two handles frames take the short way, and beyond half a turn the other way round. Half a turn itself leaves the way open; the result is
-//! finite. The turns of [`Goals`](crate::Goals) are not looked at.
+//! between two handles frames take the short way, and beyond half a turn the other way round. Half a turn itself leaves the way open; the
+//! result is finite. The turns of [`Goals`](crate::Goals) are not looked at.
 //!
-//! **Scale.** Means of rotations are shorter than rotations, so how long the vectors of a frame come out says nothing of the size. The scale of a
-//! goal is carried by a system of its own, with the matrix of the frames: its logarithm is spread as they are, the frames are made orthonormal again, and
-//! coordinates are multiplied by the scale. A common similarity of everything that is held is exact. Without
+//! **Scale.** Means of rotations are shorter than rotations, so how long the vectors of a frame come out says nothing of the size. The
+//! scale of a goal is carried by a system of its own, with the matrix of the frames: its logarithm is spread as they are, the frames are
+//! made orthonormal again, and coordinates are multiplied by the scale. A common similarity of everything that is held is exact. Without
 //! [`orthonormal`](RotationInvariantOptions::orthonormal) the scale is in the frames' vectors, as printed.
 
 mod deformer;
@@ -48,12 +48,13 @@ pub const MAX_COUPLING: u32 = 1000;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reconstruction {
-    /// By the Laplacian coordinates in the frames (Yuan, Eq. 18-19): least squares over the Laplacian, an equation of fourth order. Smooth where handles begin.
+    /// By the Laplacian coordinates in the frames (Yuan, Eq. 18-19): least squares over the Laplacian, an equation of fourth order. Smooth
+    /// where handles begin.
     #[default]
     Laplacian,
-    /// By the edges in the frames of both ends (Lipman et al. 2005): an equation of second order, with the matrix of the frames, so
-    /// that there is only one factor. Prepared and solved for several times as fast, and stretches less; bends more sharply where handles begin. The tangent is not
-    /// looked at, as frames of the rest shape cancel.
+    /// By the edges in the frames of both ends (Lipman et al. 2005): an equation of second order, with the matrix of the frames, so that
+    /// there is only one factor. Prepared and solved for several times as fast, and stretches less; bends more sharply where handles
+    /// begin. The tangent is not looked at, as frames of the rest shape cancel.
     Edges,
 }
 
@@ -73,10 +74,10 @@ pub struct RotationInvariantOptions {
     /// How often frames are taken from the positions just solved for, and positions solved for again, at most
     /// [`MAX_COUPLING`]. Default: 0.
     ///
-    /// The remedy that Yuan mentions (Eq. 21-22, after Sorkine et al. 2004) for positions that ask for other frames than the handles do: `T_i` is fitted to where
-    /// the ring of a vertex has gone, and its Laplacian coordinate follows. Instead of writing `T_i` as a linear function of the unknown
-    /// positions, which would make one system of thrice the size that has to be factored for every goal, the two are solved for in turn,
-    /// with the factor there is. `T_i` is the best rotation, times the scale that the frames have.
+    /// The remedy that Yuan mentions (Eq. 21-22, after Sorkine et al. 2004) for positions that ask for other frames than the handles do:
+    /// `T_i` is fitted to where the ring of a vertex has gone, and its Laplacian coordinate follows. Instead of writing `T_i` as a linear
+    /// function of the unknown positions, which would make one system of thrice the size that has to be factored for every goal, the two
+    /// are solved for in turn, with the factor there is. `T_i` is the best rotation, times the scale that the frames have.
     pub coupling: u32,
 }
 

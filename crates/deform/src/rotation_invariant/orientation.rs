@@ -99,9 +99,9 @@ impl FrameEquations {
         Ok(())
     }
 
-    /// The positions whose edges are those of the rest shape, turned with the frames at both ends: minimises the sum of `w_ij |x_j - x_i - F_i c_ij|^2` over
-    /// edges and ends (Lipman et al. 2005), `c_ij` being the rest edge in frame `i`, so that `F_i c_ij = M_i (p_j - p_i)`. The matrix is that of
-    /// the frames. `goals` are read at springs, and `x` where nothing is unknown.
+    /// The positions whose edges are those of the rest shape, turned with the frames at both ends: minimises the sum of `w_ij |x_j - x_i -
+    /// F_i c_ij|^2` over edges and ends (Lipman et al. 2005), `c_ij` being the rest edge in frame `i`, so that `F_i c_ij = M_i (p_j -
+    /// p_i)`. The matrix is that of the frames. `goals` are read at springs, and `x` where nothing is unknown.
     pub(super) fn solve_positions(
         &mut self,
         mesh: &TriMesh,
@@ -131,8 +131,8 @@ impl FrameEquations {
         Ok(())
     }
 
-    /// Leaves in `rhs` the solution of `sum_j w_ij (x_i - x_j) + alpha_i x_i = load_i + alpha_i value_i` for the unknowns, with `value_j` for
-    /// those that are held; `load` is given the weights of the edges.
+    /// Leaves in `rhs` the solution of `sum_j w_ij (x_i - x_j) + alpha_i x_i = load_i + alpha_i value_i` for the unknowns, with `value_j`
+    /// for those that are held; `load` is given the weights of the edges.
     fn solve_for(
         &mut self,
         mesh: &TriMesh,

@@ -11,9 +11,9 @@ const FLAT: f64 = 1e-6;
 
 /// Fixed vertices next to unknown ones, whose frames are read from the pose.
 ///
-/// The turn of such a vertex is the rotation (and scale) that best takes the edges to its neighbours from rest to the pose, looked for in faces that
-/// are fixed as a whole: other faces stand where an earlier solution left them, and the result must not depend on that. Where there is
-/// no such face, it is that of all fixed vertices together, so that lone ones act as anchors.
+/// The turn of such a vertex is the rotation (and scale) that best takes the edges to its neighbours from rest to the pose, looked for in
+/// faces that are fixed as a whole: other faces stand where an earlier solution left them, and the result must not depend on that. Where
+/// there is no such face, it is that of all fixed vertices together, so that lone ones act as anchors.
 pub(super) struct Rim {
     vertices: Vec<RimVertex>,
     /// Ends of edges of fixed faces at the vertices.

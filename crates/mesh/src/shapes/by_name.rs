@@ -15,11 +15,12 @@ pub const NAMES: [&str; 5] = ["bar", "cactus", "creature", "cylinder", "plane"];
 /// - `cylinder`: of radius 0.3 and height 4, along y, its quads nearly square;
 /// - `plane`: 3 by 2, in x and y, with 6 by 6 bumps 0.08 high.
 ///
-/// The number is met within 2 % from 2,000 vertices on, within 20 % below; that of a bar within a tenth and a third, as its squares go evenly
-/// into its sides.
+/// The number is met within 2 % from 2,000 vertices on, within 20 % below; that of a bar within a tenth and a third, as its squares go
+/// evenly into its sides.
 ///
 /// # Errors
-/// There is no such name; fewer vertices than the shape can have (40; those of the cactus and the creature are their own), or more than 1,000,000.
+/// There is no such name; fewer vertices than the shape can have (40; those of the cactus and the creature are their own), or more than
+/// 1,000,000.
 pub fn by_name(name: &str, vertices: usize) -> Result<TriMesh, MeshError> {
     match name {
         "cactus" => return cactus(vertices),
