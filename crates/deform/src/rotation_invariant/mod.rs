@@ -72,7 +72,8 @@ pub struct RotationInvariantOptions {
     /// neighbouring handles turn differently. Default: true.
     pub orthonormal: bool,
     /// How often frames are taken from the positions just solved for, and positions solved for again, at most
-    /// [`MAX_COUPLING`]. Default: 0.
+    /// [`MAX_COUPLING`]. Default: 0. Two or three do where [`Reconstruction::Edges`] is chosen; with Laplacian coordinates they help less, and
+    /// many may do harm.
     ///
     /// The remedy that Yuan mentions (Eq. 21-22, after Sorkine et al. 2004) for positions that ask for other frames than the handles do:
     /// `T_i` is fitted to where the ring of a vertex has gone, and its Laplacian coordinate follows. Instead of writing `T_i` as a linear
