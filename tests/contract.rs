@@ -15,7 +15,7 @@ enum Exact {
 }
 
 /// Every method, in its variants, with what its docs promise.
-const METHODS: [(&str, Exact); 12] = [
+const METHODS: [(&str, Exact); 15] = [
     ("arap", Exact::RigidMotions),
     ("arap:spokes-and-rims", Exact::RigidMotions),
     ("arap:uniform", Exact::RigidMotions),
@@ -28,6 +28,9 @@ const METHODS: [(&str, Exact); 12] = [
     ("laplacian:similarity", Exact::Similarities),
     ("laplacian:propagated", Exact::Similarities),
     ("laplacian:uniform+propagated", Exact::Similarities),
+    ("rotation-invariant", Exact::Similarities),
+    ("rotation-invariant:uniform+tangent-from-normal+raw", Exact::Similarities),
+    ("rotation-invariant:edges+coupling=2", Exact::Similarities),
 ];
 
 fn methods() -> impl Iterator<Item = (Method, Exact)> {

@@ -54,7 +54,8 @@ pub(crate) struct DemoOptions {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  pliant info bunny.obj\n  pliant info creature:10000 --json")]
 pub(crate) struct InfoOptions {
-    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or a generated shape with about N vertices: creature:N, bar:N,
+    /// cactus:N, cylinder:N or plane:N.
     pub(crate) model: String,
     /// Print one JSON object instead of text.
     #[arg(long)]
@@ -70,7 +71,8 @@ pub(crate) struct InfoOptions {
     after_help = "Examples:\n  pliant cage dragon.ply --size 5% -o cage.glb\n  pliant cage dragon.ply --size error:0.001 -o cage.obj"
 )]
 pub(crate) struct CageOptions {
-    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or a generated shape with about N vertices: creature:N, bar:N,
+    /// cactus:N, cylinder:N or plane:N.
     pub(crate) model: String,
     /// Size of the cage: vertices (2000), share (5%), or largest estimated distance as a share of the diagonal (error:0.002).
     #[arg(short, long, default_value = "5%")]
@@ -93,7 +95,8 @@ pub(crate) struct CageOptions {
     after_help = "Examples:\n  pliant edit bunny.obj -o bent.glb\n  pliant edit armadillo.obj --scene armadillo-2 --cage 2000 -o edited.obj\n  pliant edit man.off --scene my-scene.json --cage none -o direct.ply"
 )]
 pub(crate) struct EditOptions {
-    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or a generated shape with about N vertices: creature:N, bar:N,
+    /// cactus:N, cylinder:N or plane:N.
     pub(crate) model: String,
     /// A scene file (JSON), or the name of a built-in scene, or auto.
     #[arg(long, value_name = "SCENE")]
@@ -140,7 +143,8 @@ pub(crate) struct EditOptions {
     after_help = "Examples:\n  pliant sweep bunny.obj --sizes 1%,2%,5%,10%,none -o out/bunny\n  pliant sweep armadillo.obj --preset paper -o out/paper\n  pliant sweep creature:20000 --prune magnitude:0.03,smooth:16 --propagation positions,frames --json"
 )]
 pub(crate) struct SweepOptions {
-    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or a generated shape with about N vertices: creature:N, bar:N,
+    /// cactus:N, cylinder:N or plane:N.
     pub(crate) model: String,
     /// A scene file (JSON), or the name of a built-in scene, or auto.
     #[arg(long, value_name = "SCENE")]
@@ -186,7 +190,8 @@ pub(crate) struct SweepOptions {
     after_help = "Examples:\n  pliant bench creature:100000\n  pliant bench dragon.ply --cage 1% --threads 1 --direct\n  pliant bench bunny.obj --prune magnitude:0.03 --exact --json"
 )]
 pub(crate) struct BenchOptions {
-    /// A mesh file (obj, ply, off, stl, glb, gltf), or creature:N for the built-in model with about N vertices.
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or a generated shape with about N vertices: creature:N, bar:N,
+    /// cactus:N, cylinder:N or plane:N.
     pub(crate) model: String,
     /// Size of the cage: vertices (2000), share (5%) or distance (error:0.002).
     #[arg(long, value_name = "SIZE", default_value = "5%")]

@@ -1,15 +1,15 @@
-//! MODEL on the command line: a file, or the built-in creature.
+//! MODEL on the command line: a file, or a generated shape.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use pliant::{Bounds, ReadReport, Scene, SceneError, Stages, TriMesh, count, creature, read, timed};
+use pliant::{Bounds, ReadReport, Scene, SceneError, Stages, TriMesh, count, read, shapes, timed};
 
 /// A mesh and where it comes from.
 pub(crate) struct Model {
     pub(crate) name: String,
     pub(crate) mesh: TriMesh,
-    /// `None` for the creature.
+    /// `None` for a generated shape.
     pub(crate) file: Option<ReadReport>,
     path: Option<PathBuf>,
 }
@@ -19,11 +19,12 @@ impl Model {
     pub(crate) fn open(text: &str, stages: &dyn Stages) -> Result<Self> {
         let size =
             |mesh: &TriMesh| format!("{} vertices, {} faces", count(mesh.vertex_count()), count(mesh.face_count()));
-        if let Some(vertices) = text.strip_prefix("creature:") {
+        let generated = text.split_once(':').filter(|(shape, _)| shapes::NAMES.contains(shape));
+        if let Some((shape, vertices)) = generated {
             let vertices = vertices.parse().with_context(|| {
-                format!("`{text}`: after creature: comes a number of vertices, such as creature:100000")
+                format!("`{text}`: after {shape}: comes a number of vertices, such as {shape}:100000")
             })?;
-            let (mesh, _) = timed(stages, "make creature", |_| creature(vertices), size)?;
+            let (mesh, _) = timed(stages, &format!("make {shape}"), |_| shapes::by_name(shape, vertices), size)?;
             return Ok(Self { name: text.to_owned(), mesh, file: None, path: None });
         }
         let path = Path::new(text);
@@ -34,7 +35,7 @@ impl Model {
 
     /// The scene that was asked for; without one, the creature's own or `auto`.
     pub(crate) fn scene(&self, asked: Option<&str>) -> Result<Scene, SceneError> {
-        let own = if self.path.is_none() { "creature" } else { "auto" };
+        let own = if self.name.starts_with("creature:") && self.path.is_none() { "creature" } else { "auto" };
         Scene::find(asked.unwrap_or(own), &self.mesh.bounds())
     }
 

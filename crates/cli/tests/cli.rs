@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Output;
 
 use assert_cmd::Command;
+use pliant::Scene;
 use serde_json::Value;
 
 fn pliant(arguments: &[&str]) -> Output {
@@ -129,6 +130,19 @@ fn the_papers_preset_runs_its_sizes_both_ways() {
     assert!(!report["notes"].as_array().expect("notes").is_empty(), "the sizes are scaled and the scene is another");
 }
 
+/// Every scene made for a generated shape runs on it.
+#[test]
+fn the_classic_scenes_run_on_their_shapes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = path(&folder, "out.ply");
+    for name in Scene::builtin_names() {
+        let Some(shape) = Scene::builtin(name).expect("built in").shape else { continue };
+        let row = json(&["edit", &format!("{shape}:2000"), "--scene", name, "--cage", "25%", "-o", &out, "--json"]);
+        assert_eq!(row["scene"], name);
+        assert!(row["rms_relative"].as_f64().is_some_and(|error| error > 0.0 && error.is_finite()), "{row}");
+    }
+}
+
 /// Each refusal names what is wrong, and leaves nothing behind.
 #[test]
 fn refusals_name_the_culprit() {
@@ -144,6 +158,7 @@ fn refusals_name_the_culprit() {
         (vec!["edit", &model, "-o", &out], vec!["model.obj:4", "9"]),
         (vec!["edit", "creature:10", "-o", &out], vec!["2000", "10"]),
         (vec!["edit", "creature:many", "-o", &out], vec!["creature:many"]),
+        (vec!["edit", "plane:1", "-o", &out], vec!["40", "1"]),
         (vec!["edit", "creature:2000", "-o", &nowhere], vec!["missing"]),
         (vec!["edit", "creature:2000", "-o", "out.xyz"], vec![".xyz", "glb"]),
         (vec!["edit", "creature:2000", "--scene", &scene, "-o", &out], vec!["scene.json", "nmae"]),

@@ -46,6 +46,7 @@ mod method;
 mod operators;
 mod patch;
 mod region;
+pub mod rotation_invariant;
 mod text;
 
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
@@ -54,3 +55,4 @@ pub use goals::Goals;
 pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use region::{Constraint, Handle, Region, Role};
+pub use rotation_invariant::RotationInvariantOptions;

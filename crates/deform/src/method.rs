@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::arap::{Arap, ArapOptions};
 use crate::laplacian::{Laplacian, LaplacianOptions};
+use crate::rotation_invariant::{RotationInvariant, RotationInvariantOptions};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -19,6 +20,8 @@ pub enum Method {
     Arap(ArapOptions),
     /// Laplacian surface editing: one or two linear solves.
     Laplacian(LaplacianOptions),
+    /// Linear rotation-invariant coordinates: two linear solves, frames from the goals' turns and then positions.
+    RotationInvariant(RotationInvariantOptions),
 }
 
 impl Default for Method {
@@ -38,6 +41,7 @@ impl Method {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
             Self::Laplacian(options) => Ok(Box::new(Laplacian::prepare(options, rest, region)?)),
+            Self::RotationInvariant(options) => Ok(Box::new(RotationInvariant::prepare(options, rest, region)?)),
         }
     }
 }
@@ -48,7 +52,7 @@ impl Method {
     pub fn with_iterations(&self, iterations: u32) -> Self {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
-            Self::Laplacian(_) => self.clone(),
+            Self::Laplacian(_) | Self::RotationInvariant(_) => self.clone(),
         }
     }
 
@@ -60,7 +64,7 @@ impl Method {
             Self::Arap(options) => {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
-            Self::Laplacian(_) => self.clone(),
+            Self::Laplacian(_) | Self::RotationInvariant(_) => self.clone(),
         }
     }
 }
@@ -71,6 +75,7 @@ impl fmt::Display for Method {
         let (name, options) = match self {
             Self::Arap(options) => ("arap", options.to_string()),
             Self::Laplacian(options) => ("laplacian", options.to_string()),
+            Self::RotationInvariant(options) => ("rotation-invariant", options.to_string()),
         };
         f.write_str(name)?;
         if options.is_empty() { Ok(()) } else { write!(f, ":{options}") }
@@ -86,13 +91,14 @@ impl FromStr for Method {
         match name {
             "arap" => Ok(Self::Arap(options.parse()?)),
             "laplacian" => Ok(Self::Laplacian(options.parse()?)),
+            "rotation-invariant" => Ok(Self::RotationInvariant(options.parse()?)),
             _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
     }
 }
 
 /// The names of the methods.
-const NAMES: &str = "arap or laplacian";
+const NAMES: &str = "arap, laplacian or rotation-invariant";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {

@@ -7,7 +7,8 @@ use common::{along_x, sheet, torus};
 use glam::DVec3;
 use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, Start};
 use pliant_deform::laplacian::{Details, Laplacian, LaplacianOptions};
-use pliant_deform::{Deformer, Goals, Handle, Region};
+use pliant_deform::rotation_invariant::RotationInvariant;
+use pliant_deform::{Deformer, Goals, Handle, Region, RotationInvariantOptions};
 use pliant_mesh::{FrameFit, Frames, Similarity, TriMesh, VertexSet};
 
 fn region(mesh: &TriMesh, soft: bool) -> Region {
@@ -57,6 +58,26 @@ fn solving_allocates_nothing_from_the_second_time_on() {
         let pose: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(p.y, p.z, p.x) * 1.1 + *p).collect();
         let fit = || measure(|| frames.fit(mesh.topology(), &mesh.positions, &pose, FrameFit::Similarity));
         assert_eq!(pool.install(fit).count_total, 0);
+    }
+}
+
+#[test]
+fn rotation_invariant_coordinates_allocate_nothing_from_the_second_time_on() {
+    for mesh in [sheet(16, 8), torus(40, 20)] {
+        for soft in [false, true] {
+            let options = RotationInvariantOptions { coupling: 2, ..RotationInvariantOptions::default() };
+            let mut deformer = RotationInvariant::prepare(&options, &mesh, &region(&mesh, soft)).expect("valid");
+            let mut pose = mesh.positions.clone();
+            let swell = Similarity::about(DVec3::ZERO, DVec3::Y, 0.5, 1.5);
+            let all = [goals(0), goals(3), Goals::new(vec![Similarity::IDENTITY, swell])];
+            deformer.solve(&all[0], &mut pose).expect("solvable");
+            let info = measure(|| {
+                for goals in &all {
+                    deformer.solve(goals, &mut pose).expect("solvable");
+                }
+            });
+            assert_eq!(info.count_total, 0, "soft {soft}");
+        }
     }
 }
 

@@ -34,6 +34,27 @@ impl Similarity {
         Self { rotation, scale, translation: pivot - scale * (rotation * pivot) }
     }
 
+    /// A screw motion: a turn by `angle` radians about the line through `point` along `axis` (right-hand rule) with an
+    /// advance along it of `pitch` units a full turn.
+    ///
+    /// All of [`Motion::screw`]. A zero axis moves nothing.
+    pub fn screw(point: DVec3, axis: DVec3, angle: f64, pitch: f64) -> Self {
+        Motion::screw(point, axis, angle, pitch).at(1.0)
+    }
+
+    /// The turn of a trackball: the shortest one about `pivot` that takes the direction `from` to the direction `to`, both
+    /// of any length.
+    ///
+    /// Opposite directions give a half turn about some axis across them, the same on every run; a direction of length 0
+    /// turns nothing.
+    pub fn trackball(pivot: DVec3, from: DVec3, to: DVec3) -> Self {
+        let rotation = match (from.try_normalize(), to.try_normalize()) {
+            (Some(from), Some(to)) => DQuat::from_rotation_arc(from, to),
+            _ => DQuat::IDENTITY,
+        };
+        Self { rotation, scale: 1.0, translation: pivot - rotation * pivot }
+    }
+
     /// Where a point goes.
     pub fn apply(&self, point: DVec3) -> DVec3 {
         self.scale * (self.rotation * point) + self.translation
@@ -70,6 +91,15 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// A screw motion: as [`Similarity::screw`], to be carried out by degrees. Every part of it is a screw about the same line.
+    ///
+    /// A zero axis moves nothing.
+    pub fn screw(point: DVec3, axis: DVec3, angle: f64, pitch: f64) -> Self {
+        let unit = axis.normalize_or_zero();
+        let advance = pitch * angle / std::f64::consts::TAU;
+        Self { pivot: point, axis: unit, angle, scale: 1.0, translation: advance * unit }
+    }
+
     /// The part of the motion done at `t`: nothing at 0, all of it at 1.
     ///
     /// Angle and translation grow linearly and the scale geometrically, so equal steps are equal motions.
@@ -153,6 +183,47 @@ mod tests {
                 assert!(twice.distance(motion.at(s + t).apply(p)) < 1e-12 * (1.0 + twice.length()));
             }
         }
+    }
+
+    /// Distance from the axis is kept, the advance is the pitch's share, and half of it done twice is all of it.
+    #[test]
+    fn a_screw_turns_about_its_axis_and_advances_along_it() {
+        let (point, axis, pitch) = (DVec3::new(1.0, -2.0, 0.5), DVec3::new(0.3, 2.0, -1.0), 0.7);
+        let unit = axis.normalize();
+        for angle in [0.4, -2.0, 5.0 * TAU] {
+            let screw = Similarity::screw(point, axis, angle, pitch);
+            let along = pitch * angle / TAU;
+            for p in some_points() {
+                let (before, after) = (p - point, screw.apply(p) - point);
+                assert!((after.dot(unit) - before.dot(unit) - along).abs() < 1e-12);
+                let (flat, turned) = (before.reject_from_normalized(unit), after.reject_from_normalized(unit));
+                assert!((flat.length() - turned.length()).abs() < 1e-12);
+                // Turned by the angle: cosine and sine about the axis.
+                let square = flat.length_squared();
+                assert!((flat.dot(turned) - square * angle.cos()).abs() < 1e-11);
+                assert!((flat.cross(turned).dot(unit) - square * angle.sin()).abs() < 1e-11);
+                let half = Motion::screw(point, axis, angle, pitch).at(0.5);
+                assert!(half.apply(half.apply(p)).distance(screw.apply(p)) < 1e-12);
+            }
+        }
+        assert!(some_points().all(|p| Similarity::screw(point, DVec3::ZERO, 1.0, 1.0).apply(p).distance(p) < 1e-14));
+    }
+
+    /// One direction onto the other about the pivot, across both.
+    #[test]
+    fn a_trackball_takes_one_direction_onto_another() {
+        let pivot = DVec3::new(1.0, -2.0, 0.5);
+        for (from, to) in some_points().zip(some_points().skip(11)).chain([(DVec3::X, -3.0 * DVec3::X)]) {
+            let turn = Similarity::trackball(pivot, from, to);
+            assert!(turn.is_valid());
+            assert!(turn.apply(pivot).distance(pivot) < 1e-14);
+            let moved = turn.apply(pivot + from) - pivot;
+            assert!(moved.distance(to.normalize() * from.length()) < 1e-12);
+            // The axis is common to both directions' normal: what is across both stays.
+            let across = from.cross(to);
+            assert!((turn.rotation * across).distance(across) < 1e-12);
+        }
+        assert_eq!(Similarity::trackball(pivot, DVec3::ZERO, DVec3::X).rotation, DQuat::IDENTITY);
     }
 
     #[test]

@@ -6,7 +6,8 @@ pub use pliant_cage::{
 };
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, EdgeWeightKind, Goals, Handle,
-    HandleFault, LaplacianOptions, Method, PrepareReport, Region, Role, SolveReport, Start, StepTimes,
+    HandleFault, LaplacianOptions, Method, PrepareReport, Region, Role, RotationInvariantOptions, SolveReport, Start,
+    StepTimes, rotation_invariant,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,

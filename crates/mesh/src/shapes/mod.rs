@@ -4,6 +4,7 @@
 //! from outside. y is up and +z is to the front.
 
 mod bones;
+mod by_name;
 mod cactus;
 mod creature;
 mod even;
@@ -12,6 +13,7 @@ mod lattice;
 mod primitives;
 mod relief;
 
+pub use by_name::{NAMES, by_name};
 pub use cactus::cactus;
 pub use creature::creature;
 pub use primitives::{MAX_ICOSPHERE_LEVEL, bar, bumpy_plane, cylinder, icosphere, plane_grid, torus};

@@ -36,6 +36,7 @@ impl Scene {
                 "The lowest tenth along the longest axis is held; the highest tenth turns by 30 degrees about \
                           the shortest axis and moves sideways by a tenth of the diagonal."
                     .to_owned(),
+            shape: None,
             handles: vec![
                 SceneHandle {
                     name: "low end".to_owned(),

@@ -48,10 +48,17 @@ pub use resolve::{ResolvedHandle, ResolvedScene};
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// The scenes that come with the library; the file's stem is the scene's name.
-const BUILTIN: [(&str, &str); 3] = [
+const BUILTIN: [(&str, &str); 10] = [
     ("armadillo-0", include_str!("../../../../data/scenes/armadillo-0.json")),
     ("armadillo-2", include_str!("../../../../data/scenes/armadillo-2.json")),
+    ("bar-twist-135", include_str!("../../../../data/scenes/bar-twist-135.json")),
+    ("bar-twist-270", include_str!("../../../../data/scenes/bar-twist-270.json")),
+    ("bar-twist-720", include_str!("../../../../data/scenes/bar-twist-720.json")),
+    ("cactus-bend-70", include_str!("../../../../data/scenes/cactus-bend-70.json")),
     ("creature", include_str!("../../../../data/scenes/creature.json")),
+    ("creature-tail", include_str!("../../../../data/scenes/creature-tail.json")),
+    ("cylinder-bend-120", include_str!("../../../../data/scenes/cylinder-bend-120.json")),
+    ("plane-lift", include_str!("../../../../data/scenes/plane-lift.json")),
 ];
 
 /// An edit script for a shape in a known pose, at any resolution.
@@ -66,6 +73,10 @@ pub struct Scene {
     /// For people.
     #[serde(default)]
     pub description: String,
+    /// The generated shape that the scene is made for, by its name in [`shapes::NAMES`](pliant_mesh::shapes::NAMES); none for a scene of a
+    /// model in a file. It fits others too, as far as their handles have vertices there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<String>,
     /// The handles, each under its own name. A vertex in several regions belongs to the first.
     pub handles: Vec<SceneHandle>,
 }

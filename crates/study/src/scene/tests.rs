@@ -1,7 +1,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-use pliant_mesh::{Bounds, Similarity, TriMesh};
+use pliant_mesh::{Bounds, Similarity, TriMesh, shapes};
 
 use super::*;
 
@@ -42,7 +42,7 @@ fn tower() -> TriMesh {
 
 fn one_handle(region: SceneRegion, motion: Option<SceneMotion>) -> Scene {
     let handle = SceneHandle { name: "only".to_owned(), region, motion };
-    Scene { name: "test".to_owned(), description: String::new(), handles: vec![handle] }
+    Scene { name: "test".to_owned(), description: String::new(), shape: None, handles: vec![handle] }
 }
 
 fn held(mesh: &TriMesh, region: SceneRegion) -> Vec<u32> {
@@ -302,6 +302,41 @@ fn built_in_scenes_are_named_after_their_files_and_survive_a_round_trip() {
             Scene::builtin_names().collect::<Vec<_>>().join(", ")
         )
     );
+}
+
+/// At any resolution every handle has vertices and something is left to solve for.
+#[test]
+fn built_in_scenes_fit_the_shapes_they_name() {
+    let mut fitted = 0;
+    for name in Scene::builtin_names() {
+        let scene = Scene::builtin(name).expect("a built-in scene");
+        let Some(shape) = &scene.shape else { continue };
+        assert!(name.starts_with(shape), "{name} is for {shape}");
+        for vertices in [2000, 9000] {
+            let mesh = shapes::by_name(shape, vertices).expect("a generated shape");
+            let resolved = scene.resolve(&mesh).expect("every handle has vertices");
+            let held: usize = resolved.handles.iter().map(|handle| handle.vertices.len()).sum();
+            assert!(held < mesh.vertex_count() * 7 / 8, "{name}: {held} of {} are held", mesh.vertex_count());
+        }
+        fitted += 1;
+    }
+    assert!(fitted >= 8);
+}
+
+/// The bent cylinder's end is where an arc as long as its axis ends, at a right angle to it.
+#[test]
+fn the_bend_of_the_cylinder_keeps_the_length_of_its_axis() {
+    let mesh = shapes::by_name("cylinder", 5000).expect("in range");
+    let scene = Scene::builtin("cylinder-bend-120").expect("built in").resolve(&mesh).expect("fits");
+    let goal = scene.goals(1.0)[1];
+    let (foot, top) = (DVec3::new(0.0, -1.6, 0.0), DVec3::new(0.0, 1.6, 0.0));
+    let angle = 120_f64.to_radians();
+    let radius = 3.2 / angle;
+    let end = foot + radius * DVec3::new(1.0 - angle.cos(), angle.sin(), 0.0);
+    // The scene has four decimals, and the box of a polygon is a little narrower than the circle's.
+    assert!(goal.apply(top).distance(end) < 0.02, "{} is not {end}", goal.apply(top));
+    let direction = goal.rotation * DVec3::Y;
+    assert!(direction.distance(DVec3::new(angle.sin(), angle.cos(), 0.0)) < 1e-12);
 }
 
 #[test]
