@@ -37,6 +37,7 @@
 //! ```
 
 pub mod arap;
+pub mod dual;
 mod error;
 mod frame;
 mod goals;
@@ -44,8 +45,10 @@ mod method;
 mod operators;
 mod patch;
 mod region;
+mod rigid;
 
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
+pub use dual::{DualLaplacianOptions, Heights, LinearSolver};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};

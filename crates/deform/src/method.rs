@@ -6,6 +6,7 @@ use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
 use crate::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
+use crate::dual::{DualLaplacian, DualLaplacianOptions};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -15,6 +16,8 @@ use crate::{DeformError, Goals, Region};
 pub enum Method {
     /// As-rigid-as-possible surface modeling.
     Arap(ArapOptions),
+    /// The Laplacian of the dual mesh, kept by iteration.
+    DualLaplacian(DualLaplacianOptions),
 }
 
 impl Default for Method {
@@ -33,6 +36,7 @@ impl Method {
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
+            Self::DualLaplacian(options) => Ok(Box::new(DualLaplacian::prepare(options, rest, region)?)),
         }
     }
 }
@@ -43,6 +47,9 @@ impl Method {
     pub fn with_iterations(&self, iterations: u32) -> Self {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
+            Self::DualLaplacian(options) => {
+                Self::DualLaplacian(DualLaplacianOptions { iterations, tolerance: None, ..options.clone() })
+            }
         }
     }
 
@@ -53,6 +60,11 @@ impl Method {
             Self::Arap(options) => {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
+            Self::DualLaplacian(options) => Self::DualLaplacian(DualLaplacianOptions {
+                iterations: most,
+                tolerance: Some(tolerance),
+                ..options.clone()
+            }),
         }
     }
 }
@@ -72,6 +84,7 @@ impl fmt::Display for Method {
                 };
                 write!(f, "arap {weights} {energy}")
             }
+            Self::DualLaplacian(_) => write!(f, "dual"),
         }
     }
 }
@@ -143,4 +156,6 @@ pub struct SolveReport {
     pub energy_before: Option<f64>,
     /// The method's energy of the result; only where the stop rule needs it.
     pub energy_after: Option<f64>,
+    /// Iterations of the linear solver, of all solves together; only where that iterates.
+    pub solver_iterations: Option<u32>,
 }

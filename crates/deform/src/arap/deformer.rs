@@ -12,11 +12,10 @@ use super::anderson::Anderson;
 use super::cells::{Cells, Term};
 use super::roles::Roles;
 use super::shape::Shape;
-use super::steps::{
-    Columns, ENERGY_CHUNK, Row, energy, fit_rigid, fit_rotations, move_unknowns, point, row, spring_energy,
-};
+use super::steps::{Columns, ENERGY_CHUNK, Row, energy, fit_rotations, move_unknowns, point, row, spring_energy};
 use super::{Acceleration, ArapOptions};
 use crate::frame::{Frame, check_count, check_pose};
+use crate::rigid::fit_rigid;
 use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, StepTimes};
 
 /// Energy, per unit of weight and with a diagonal of 1, that is nothing but rounding.

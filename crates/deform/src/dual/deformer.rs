@@ -1,0 +1,270 @@
+//! Preparing an edit and solving it.
+
+use std::time::Instant;
+
+use glam::DVec3;
+use pliant_linalg::{IterativeLeastSquares, Krylov, LeastSquares, LinalgError, SparseRows};
+use pliant_mesh::TriMesh;
+use pliant_mesh::threads::among_threads;
+
+use super::equations::Equations;
+use super::{DualLaplacianOptions, LinearSolver};
+use crate::patch::Patch;
+use crate::rigid::fit_rigid;
+use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, StepTimes};
+
+/// So many rings of fixed vertices are looked at: a row reaches from an unknown over two faces, and whether a vertex is at a border
+/// shows one ring further out.
+const RINGS: usize = 3;
+
+/// Where conjugate gradients stop: see [`IterativeLeastSquares::solve`].
+const RESIDUAL: f64 = 1e-10;
+
+/// Most iterations of conjugate gradients a solve, per unknown; exact arithmetic needs one.
+const MOST_PER_UNKNOWN: u32 = 10;
+
+/// A prepared edit by the dual Laplacian.
+///
+/// Computes in the rest shape's frame, so results follow any scale and offset of the scene. They are the same, bit for bit, for any number
+/// of threads.
+pub struct DualLaplacian {
+    options: DualLaplacianOptions,
+    rest: TriMesh,
+    edit: Edit,
+}
+
+/// What depends on the region.
+struct Edit {
+    patch: Patch,
+    equations: Equations,
+    system: System,
+    /// Right-hand sides at rest.
+    at_rest: Vec<[f64; 3]>,
+    /// Held vertices next to an unknown, which the guess follows.
+    rim: Vec<u32>,
+    /// Of the rest shape, in the frame.
+    diagonal: f64,
+    scratch: Scratch,
+    times: StepTimes,
+}
+
+/// The system of Eq. 8.
+enum System {
+    Factor(Box<LeastSquares>),
+    Iterative(Box<IterativeLeastSquares>),
+}
+
+/// Arrays of one solve, kept so that the next one allocates nothing. All in the frame, all but `b` and `dual` with a place for each vertex
+/// of the patch.
+#[derive(Default)]
+struct Scratch {
+    pose: Vec<DVec3>,
+    /// Where vertices of handles are to be.
+    goals: Vec<DVec3>,
+    dual: Vec<DVec3>,
+    x: Vec<[f64; 3]>,
+    b: Vec<[f64; 3]>,
+    /// `A x` of the last two solves.
+    ax: Vec<[f64; 3]>,
+    last_ax: Vec<[f64; 3]>,
+}
+
+impl DualLaplacian {
+    /// Assembles and factors; see [`crate::Method::prepare`].
+    ///
+    /// # Errors
+    /// As [`crate::Method::prepare`].
+    pub fn prepare(options: &DualLaplacianOptions, rest: &TriMesh, region: &Region) -> Result<Self, DeformError> {
+        options.check()?;
+        let edit = Edit::new(options, rest, region)?;
+        Ok(Self { options: options.clone(), rest: rest.clone(), edit })
+    }
+}
+
+impl Deformer for DualLaplacian {
+    fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
+        let Self { options, edit, .. } = self;
+        edit.read(goals, positions)?;
+        let report = among_threads(edit.patch.vertices.len(), || edit.iterate(options));
+        let report = report.map_err(|error| DeformError::of_system(error, &edit.patch.vertices))?;
+        edit.patch.write(&edit.scratch.pose, goals, positions)?;
+        Ok(report)
+    }
+
+    fn set_region(&mut self, region: &Region) -> Result<PrepareReport, DeformError> {
+        self.edit = Edit::new(&self.options, &self.rest, region)?;
+        Ok(self.prepared())
+    }
+
+    fn prepared(&self) -> PrepareReport {
+        let factor_len = match &self.edit.system {
+            System::Factor(system) => system.solve_len(),
+            System::Iterative(_) => 0,
+        };
+        PrepareReport { unknowns: self.edit.patch.unknown_count(), factor_len, ..PrepareReport::default() }
+    }
+
+    fn step_times(&self) -> StepTimes {
+        self.edit.times
+    }
+}
+
+impl Edit {
+    fn new(options: &DualLaplacianOptions, rest: &TriMesh, region: &Region) -> Result<Self, DeformError> {
+        let patch = Patch::new(rest, region, RINGS)?;
+        let named = |error| DeformError::of_system(error, &patch.vertices);
+        let (equations, a) = Equations::new(options, &patch).map_err(named)?;
+        let system = System::new(options.solver, a, |v| patch.held[v].is_unknown()).map_err(named)?;
+        let is_unknown = |v: &u32| patch.held[*v as usize].is_unknown();
+        let at_rim = |v: &u32| !is_unknown(v) && patch.mesh.topology().neighbours(*v as usize).iter().any(is_unknown);
+        let (vertices, rows) = (patch.vertices.len(), system.matrix().row_count());
+        let scratch = Scratch {
+            pose: vec![DVec3::ZERO; vertices],
+            dual: vec![DVec3::ZERO; patch.mesh.face_count()],
+            x: vec![[0.0; 3]; vertices],
+            ax: vec![[0.0; 3]; rows],
+            last_ax: vec![[0.0; 3]; rows],
+            ..Scratch::default()
+        };
+        Ok(Self {
+            rim: (0..vertices as u32).filter(at_rim).collect(),
+            at_rest: equations.at_rest(),
+            diagonal: rest.bounds().diagonal() / patch.frame.energy_unit().sqrt(),
+            patch,
+            equations,
+            system,
+            scratch,
+            times: StepTimes::default(),
+        })
+    }
+
+    /// Checks the input and brings pose and goals into the frame.
+    fn read(&mut self, goals: &Goals, positions: &[DVec3]) -> Result<(), DeformError> {
+        let Self { patch, scratch, .. } = self;
+        patch.read(goals, positions, &mut scratch.goals)?;
+        for (pose, &v) in scratch.pose.iter_mut().zip(&patch.vertices) {
+            *pose = patch.frame.enter(positions[v as usize]);
+        }
+        Ok(())
+    }
+
+    /// The first solve and the iterations after it (Luo et al., section 3.3).
+    fn iterate(&mut self, options: &DualLaplacianOptions) -> Result<SolveReport, LinalgError> {
+        let mut report = SolveReport::default();
+        self.times = StepTimes::default();
+        self.scratch.b.clone_from(&self.at_rest);
+        self.equations.draw_springs(&self.scratch.goals, &mut self.scratch.b);
+        self.follow_constraints();
+        self.turn_details();
+        self.move_unknowns(&mut f64::INFINITY, &mut report)?;
+        let mut longest = f64::INFINITY;
+        while report.iterations < options.iterations {
+            self.turn_details();
+            let moved = self.move_unknowns(&mut longest, &mut report)?;
+            report.iterations += 1;
+            report.converged = options.tolerance.is_some_and(|tolerance| moved <= tolerance * self.diagonal);
+            if report.converged {
+                break;
+            }
+        }
+        Ok(report)
+    }
+
+    /// Moves the whole pose along with what holds it, by the rigid motion that takes that nearest to its goals, and what is held there.
+    ///
+    /// Normals are thus those of the incoming pose, not of a surface that is torn where handles have jumped, and a motion common to all
+    /// constraints is met by the first solve, whatever its angle.
+    fn follow_constraints(&mut self) {
+        let Self { patch, equations, rim, scratch, .. } = self;
+        let Scratch { pose, goals, x, .. } = scratch;
+        // A spring counts as one in series with a surface of stiffness 1.
+        let springs = equations.springs().iter().map(|spring| (spring.vertex, spring.weight / (1.0 + spring.weight)));
+        let held = rim.iter().map(|&v| (v, 1.0)).chain(springs);
+        let held = held.map(|(v, grip)| (pose[v as usize], goals[v as usize], grip));
+        if held.clone().any(|(at, goal, _)| at != goal) {
+            let (rotation, translation) = fit_rigid(held);
+            for position in pose.iter_mut() {
+                *position = rotation * *position + translation;
+            }
+        }
+        for ((x, held), (pose, goal)) in x.iter_mut().zip(&patch.held).zip(pose.iter().zip(&*goals)) {
+            *x = if held.is_unknown() { *pose } else { *goal }.into();
+        }
+    }
+
+    fn turn_details(&mut self) {
+        let Self { patch, equations, scratch, times, .. } = self;
+        let start = Instant::now();
+        equations.turn_details(patch, &scratch.pose, &mut scratch.dual, &mut scratch.b);
+        times.local += start.elapsed();
+    }
+
+    /// Solves and moves there, or so far that the step is not longer than the last one, `longest`; returns how far the vertex has
+    /// moved that moves farthest.
+    ///
+    /// Steps are measured by what they change in the rows, `|A dx|`: a solve projects the details onto what `A` can make, so that it
+    /// never lengthens a change of them, and only the turning of normals can. That no energy falls all the way is in the nature
+    /// of the method: normals are not chosen to lower one.
+    fn move_unknowns(&mut self, longest: &mut f64, report: &mut SolveReport) -> Result<f64, LinalgError> {
+        let Self { system, scratch, times, .. } = self;
+        let Scratch { pose, x, b, ax, last_ax, .. } = scratch;
+        let start = Instant::now();
+        system.solve(b, x, report)?;
+        std::mem::swap(ax, last_ax);
+        system.matrix().multiply(x, ax)?;
+        let step = distance(ax, last_ax);
+        if step > *longest {
+            let share = *longest / step;
+            for (x, &from) in x.iter_mut().zip(&*pose) {
+                *x = from.lerp((*x).into(), share).into();
+            }
+            for (ax, &from) in ax.iter_mut().zip(&*last_ax) {
+                *ax = DVec3::from(from).lerp((*ax).into(), share).into();
+            }
+        } else {
+            *longest = step;
+        }
+        let mut farthest = 0.0f64;
+        for (pose, &mut x) in pose.iter_mut().zip(x) {
+            farthest = farthest.max(pose.distance_squared(x.into()));
+            *pose = x.into();
+        }
+        times.global += start.elapsed();
+        Ok(farthest.sqrt())
+    }
+}
+
+impl System {
+    fn new(solver: LinearSolver, a: SparseRows, is_free: impl FnMut(usize) -> bool) -> Result<Self, LinalgError> {
+        let kind = match solver {
+            LinearSolver::Cholesky => return Ok(Self::Factor(Box::new(LeastSquares::new(a, is_free)?))),
+            LinearSolver::Pcg => Krylov::ConjugateGradient,
+            LinearSolver::Pbcg => Krylov::BiConjugateGradient,
+        };
+        Ok(Self::Iterative(Box::new(IterativeLeastSquares::new(a, is_free, kind)?)))
+    }
+
+    fn matrix(&self) -> &SparseRows {
+        match self {
+            Self::Factor(system) => system.matrix(),
+            Self::Iterative(system) => system.matrix(),
+        }
+    }
+
+    fn solve(&mut self, b: &[[f64; 3]], x: &mut [[f64; 3]], report: &mut SolveReport) -> Result<(), LinalgError> {
+        match self {
+            Self::Factor(system) => system.solve(b, x),
+            Self::Iterative(system) => {
+                let most = (x.len() as u32).saturating_mul(MOST_PER_UNKNOWN);
+                let solved = system.solve(b, x, RESIDUAL, most)?;
+                let count = report.solver_iterations.get_or_insert(0);
+                *count = count.saturating_add(solved.iterations);
+                Ok(())
+            }
+        }
+    }
+}
+
+fn distance(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+    a.iter().zip(b).map(|(&a, &b)| DVec3::from(a).distance_squared(b.into())).sum::<f64>().sqrt()
+}

@@ -1,0 +1,86 @@
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::DeformError;
+use crate::arap::MAX_ITERATIONS;
+
+/// What becomes of the heights of dual vertices while normals are taken anew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Heights {
+    /// They stay those of the rest shape, as in the text of Luo et al. and in Au et al. (2006).
+    #[default]
+    Kept,
+    /// They are measured along the new normal, as Luo et al. print Eq. 10. Details then fade where the surface is bent.
+    Recomputed,
+}
+
+/// How the normal equations are solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LinearSolver {
+    /// By a Cholesky factor that is kept for all iterations and solves.
+    ///
+    /// A departure from Luo et al., who iterate: their matrix is constant, so that a factor pays from the second solve on.
+    #[default]
+    Cholesky,
+    /// By preconditioned conjugate gradients, starting from the last positions.
+    Pcg,
+    /// By preconditioned bi-conjugate gradients, as Luo et al. do: the iterates of [`Self::Pcg`] at twice the cost.
+    Pbcg,
+}
+
+/// Options of deformation by the dual Laplacian.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DualLaplacianOptions {
+    /// Default: kept.
+    pub heights: Heights,
+    /// Default: Cholesky.
+    pub solver: LinearSolver,
+    /// Most iterations after the first solve, at most [`MAX_ITERATIONS`]; an iteration takes new normals and solves. Default: 50. With 0
+    /// the normals are those of the incoming pose, moved along with what is held.
+    pub iterations: u32,
+    /// If given, iterations stop as soon as one has moved no vertex by more than this share of the rest shape's diagonal; a number of 0 or
+    /// more. Default: 1e-4, a tenth of a pixel on a screen.
+    pub tolerance: Option<f64>,
+    /// Weight of the row that keeps the uniform Laplacian of a vertex, against 1 for that of a face; a number of 0 or more. Default: 0.01.
+    /// With 0 these rows are only at borders, as nothing else determines those, and the rest is the system of Luo et al., which
+    /// may be singular or nearly so.
+    pub primal_weight: f64,
+}
+
+impl Default for DualLaplacianOptions {
+    fn default() -> Self {
+        Self {
+            heights: Heights::default(),
+            solver: LinearSolver::default(),
+            iterations: 50,
+            tolerance: Some(1e-4),
+            primal_weight: 0.01,
+        }
+    }
+}
+
+impl DualLaplacianOptions {
+    /// As Luo et al.: bi-conjugate gradients, and no rows for vertices but at borders.
+    pub fn faithful() -> Self {
+        Self { solver: LinearSolver::Pbcg, primal_weight: 0.0, ..Self::default() }
+    }
+
+    pub(super) fn check(&self) -> Result<(), DeformError> {
+        if self.iterations > MAX_ITERATIONS {
+            let (expected, found) = ("at most 1000000", self.iterations.to_string());
+            return Err(DeformError::BadOption { option: "iterations", expected, found });
+        }
+        let numbers = [("tolerance", self.tolerance.unwrap_or(0.0)), ("primal weight", self.primal_weight)];
+        match numbers.into_iter().find(|(_, x)| !(*x >= 0.0 && x.is_finite())) {
+            Some((option, x)) => {
+                Err(DeformError::BadOption { option, expected: "a number of 0 or more", found: x.to_string() })
+            }
+            None => Ok(()),
+        }
+    }
+}
