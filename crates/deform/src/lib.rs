@@ -46,9 +46,10 @@ mod operators;
 mod patch;
 mod region;
 mod rigid;
+mod text;
 
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
-pub use dual::{DualLaplacianOptions, Heights, LinearSolver};
+pub use dual::{DualHeights, DualLaplacianOptions, LinearSolver};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};

@@ -5,8 +5,9 @@ pub use pliant_cage::{
     SimplifyOptions, SimplifyReport, Support, UNSAFE_MAGNITUDE, simplify,
 };
 pub use pliant_deform::{
-    Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle,
-    HandleFault, Method, PrepareReport, Region, Role, SolveReport, StepTimes,
+    Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, DualHeights, DualLaplacianOptions,
+    EdgeWeightKind, Goals, Handle, HandleFault, LinearSolver, Method, PrepareReport, Region, Role, SolveReport,
+    StepTimes,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,

@@ -15,7 +15,7 @@ use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, St
 
 /// So many rings of fixed vertices are looked at: a row reaches from an unknown over two faces, and whether a vertex is at a border
 /// shows one ring further out.
-const RINGS: usize = 3;
+pub(super) const RINGS: usize = 3;
 
 /// Where conjugate gradients stop: see [`IterativeLeastSquares::solve`].
 const RESIDUAL: f64 = 1e-10;
@@ -64,7 +64,7 @@ struct Scratch {
     dual: Vec<DVec3>,
     x: Vec<[f64; 3]>,
     b: Vec<[f64; 3]>,
-    /// `A x` of the last two solves.
+    /// `A x` where the last solve leads, and where the pose is.
     ax: Vec<[f64; 3]>,
     last_ax: Vec<[f64; 3]>,
 }
@@ -156,13 +156,15 @@ impl Edit {
         self.equations.draw_springs(&self.scratch.goals, &mut self.scratch.b);
         self.follow_constraints();
         self.turn_details();
-        self.move_unknowns(&mut f64::INFINITY, &mut report)?;
+        let mut is_solved = self.solve(&mut report)?;
+        self.advance(1.0);
         let mut longest = f64::INFINITY;
         while report.iterations < options.iterations {
             self.turn_details();
-            let moved = self.move_unknowns(&mut longest, &mut report)?;
+            is_solved &= self.solve(&mut report)?;
+            let moved = self.step(&mut longest);
             report.iterations += 1;
-            report.converged = options.tolerance.is_some_and(|tolerance| moved <= tolerance * self.diagonal);
+            report.converged = is_solved && options.tolerance.is_some_and(|share| moved <= share * self.diagonal);
             if report.converged {
                 break;
             }
@@ -199,38 +201,52 @@ impl Edit {
         times.local += start.elapsed();
     }
 
-    /// Solves and moves there, or so far that the step is not longer than the last one, `longest`; returns how far the vertex has
-    /// moved that moves farthest.
-    ///
-    /// Steps are measured by what they change in the rows, `|A dx|`: a solve projects the details onto what `A` can make, so that it
-    /// never lengthens a change of them, and only the turning of normals can. That no energy falls all the way is in the nature
-    /// of the method: normals are not chosen to lower one.
-    fn move_unknowns(&mut self, longest: &mut f64, report: &mut SolveReport) -> Result<f64, LinalgError> {
+    /// Solves for where the unknowns are to go; whether the solver met its tolerance.
+    fn solve(&mut self, report: &mut SolveReport) -> Result<bool, LinalgError> {
         let Self { system, scratch, times, .. } = self;
-        let Scratch { pose, x, b, ax, last_ax, .. } = scratch;
         let start = Instant::now();
-        system.solve(b, x, report)?;
-        std::mem::swap(ax, last_ax);
-        system.matrix().multiply(x, ax)?;
-        let step = distance(ax, last_ax);
-        if step > *longest {
-            let share = *longest / step;
+        let is_solved = system.solve(&scratch.b, &mut scratch.x, report)?;
+        std::mem::swap(&mut scratch.ax, &mut scratch.last_ax);
+        system.matrix().multiply(&scratch.x, &mut scratch.ax)?;
+        times.global += start.elapsed();
+        Ok(is_solved)
+    }
+
+    /// Goes where the last solve says, or so far that the step is not longer than the last one, `longest`; returns how far the vertex
+    /// moves that moves farthest.
+    ///
+    /// A step is as long as what it changes in the rows, `|A dx|`. A solve projects the details on what `A` can make, which
+    /// lengthens no change of them; only the turning of normals can. On ordinary edits it does not, and steps get shorter from
+    /// the first to the last; where a surface buckles they would grow for a while. No energy falls all the way: normals are not chosen to
+    /// lower one.
+    fn step(&mut self, longest: &mut f64) -> f64 {
+        let length = distance(&self.scratch.ax, &self.scratch.last_ax);
+        if length > *longest {
+            self.advance(*longest / length)
+        } else {
+            *longest = length;
+            self.advance(1.0)
+        }
+    }
+
+    /// Moves the pose by a share of the way to the last solution; returns how far the vertex moves that moves farthest.
+    fn advance(&mut self, share: f64) -> f64 {
+        let Scratch { pose, x, ax, last_ax, .. } = &mut self.scratch;
+        if share < 1.0 {
             for (x, &from) in x.iter_mut().zip(&*pose) {
                 *x = from.lerp((*x).into(), share).into();
             }
             for (ax, &from) in ax.iter_mut().zip(&*last_ax) {
                 *ax = DVec3::from(from).lerp((*ax).into(), share).into();
             }
-        } else {
-            *longest = step;
         }
         let mut farthest = 0.0f64;
-        for (pose, &mut x) in pose.iter_mut().zip(x) {
-            farthest = farthest.max(pose.distance_squared(x.into()));
-            *pose = x.into();
+        for (pose, &x) in pose.iter_mut().zip(&*x) {
+            let to = DVec3::from(x);
+            farthest = farthest.max(pose.distance_squared(to));
+            *pose = to;
         }
-        times.global += start.elapsed();
-        Ok(farthest.sqrt())
+        farthest.sqrt()
     }
 }
 
@@ -251,15 +267,16 @@ impl System {
         }
     }
 
-    fn solve(&mut self, b: &[[f64; 3]], x: &mut [[f64; 3]], report: &mut SolveReport) -> Result<(), LinalgError> {
+    /// Whether the tolerance was met.
+    fn solve(&mut self, b: &[[f64; 3]], x: &mut [[f64; 3]], report: &mut SolveReport) -> Result<bool, LinalgError> {
         match self {
-            Self::Factor(system) => system.solve(b, x),
+            Self::Factor(system) => system.solve(b, x).map(|()| true),
             Self::Iterative(system) => {
                 let most = (x.len() as u32).saturating_mul(MOST_PER_UNKNOWN);
                 let solved = system.solve(b, x, RESIDUAL, most)?;
                 let count = report.solver_iterations.get_or_insert(0);
                 *count = count.saturating_add(solved.iterations);
-                Ok(())
+                Ok(solved.converged)
             }
         }
     }

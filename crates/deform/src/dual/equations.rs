@@ -6,7 +6,7 @@ use pliant_mesh::threads::{CHUNK, for_each_chunk};
 use pliant_mesh::{best_rotation, outer};
 
 use super::stencil::{Detail, Stencil, barycentre, dual_neighbours, dual_normal};
-use super::{DualLaplacianOptions, Heights};
+use super::{DualHeights, DualLaplacianOptions};
 use crate::patch::{Held, Patch};
 
 /// The rows: first those of stencils, then those of rings, then those of springs.
@@ -15,7 +15,7 @@ pub(super) struct Equations {
     stencils: Vec<Stencil>,
     rings: Vec<Ring>,
     springs: Vec<Spring>,
-    heights: Heights,
+    heights: DualHeights,
     /// Barycentres of the patch's faces at rest.
     rest_dual: Vec<DVec3>,
 }
@@ -137,8 +137,8 @@ impl Equations {
                         Some(stencil.rotation(topology, (rest, &self.rest_dual), (pose, dual)) * detail)
                     }
                     Detail::Height(height) => dual_normal(stencil.around(dual)).map(|normal| match self.heights {
-                        Heights::Kept => height * normal,
-                        Heights::Recomputed => stencil.difference(dual).dot(normal) * normal,
+                        DualHeights::Kept => height * normal,
+                        DualHeights::Recomputed => stencil.difference(dual).dot(normal) * normal,
                     }),
                 };
                 if let Some(detail) = detail {
@@ -171,4 +171,129 @@ fn mean_diagonal(a: &SparseRows, patch: &Patch) -> f64 {
     let unknown = entries.filter(|(v, _)| patch.held[**v as usize].is_unknown());
     let sum: f64 = unknown.map(|(_, value)| value * value).sum();
     if sum > 0.0 { sum / patch.unknown_count() as f64 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use pliant_linalg::LeastSquares;
+    use pliant_mesh::{TriMesh, VertexSet, shapes};
+
+    use super::*;
+    use crate::Region;
+    use crate::dual::deformer::RINGS;
+
+    /// The system with everything free but one vertex.
+    fn held_at_one(mesh: &TriMesh, primal_weight: f64) -> (Patch, Equations, SparseRows) {
+        let n = mesh.vertex_count();
+        let region = Region::new(n, &VertexSet::where_true(n, |v| v != 0), &[]).expect("one is fixed");
+        let patch = Patch::new(mesh, &region, RINGS).expect("connected");
+        let options = DualLaplacianOptions { primal_weight, ..DualLaplacianOptions::default() };
+        let (equations, a) = Equations::new(&options, &patch).expect("small");
+        (patch, equations, a)
+    }
+
+    fn solve(patch: &Patch, equations: &Equations, a: SparseRows) -> Result<Vec<DVec3>, LinalgError> {
+        let mut x = vec![[0.0; 3]; patch.vertices.len()];
+        x[0] = patch.mesh.positions[0].into();
+        LeastSquares::new(a, |v| v != 0)?.solve(&equations.at_rest(), &mut x)?;
+        Ok(x.into_iter().map(DVec3::from).collect())
+    }
+
+    /// Luo et al., section 2: "given the original dual Laplacian coordinates and one fixed primal vertex, we can get the rest of the
+    /// vertex positions without error". The icosphere's twelve vertices of valence 5 keep it from being coloured with three colours.
+    #[test]
+    fn one_fixed_vertex_gives_back_the_mesh_and_its_dual() {
+        let closed = [shapes::icosphere(2), shapes::icosphere(4), shapes::cactus(1500).expect("in range")];
+        let open = shapes::bumpy_plane(20, 12, 2.0, 1.0, 0.2, 3).expect("valid size");
+        for (mesh, primal_weight) in closed.iter().map(|mesh| (mesh, 0.0)).chain([(&open, 0.01), (&closed[2], 0.01)]) {
+            let (patch, equations, a) = held_at_one(mesh, primal_weight);
+            assert_eq!(primal_weight == 0.0, equations.rings.is_empty());
+            let solution = solve(&patch, &equations, a).expect("full rank");
+            let off = solution.iter().zip(&patch.mesh.positions).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
+            // The condition number of A is about the number of vertices, some thousand.
+            assert!(off < 1e-11, "{}: {off:e}", mesh.vertex_count());
+            for (face, rest) in equations.rest_dual.iter().enumerate() {
+                assert!(barycentre(patch.mesh.topology(), &solution, face).distance(*rest) < 1e-11);
+            }
+        }
+    }
+
+    /// Three vectors of sum 0, one a colour, move no barycentre: `D` has not the rank that Luo et al. give it, and with it `A`.
+    #[test]
+    fn a_mesh_of_three_colours_needs_the_rows_of_its_vertices() {
+        // All valences of a torus of 6 x 3 quads, each cut along the same diagonal, are 6; colours are `(i - j) mod 3`.
+        let torus = shapes::torus(1.0, 0.4, 6, 3).expect("valid size");
+        let colour = coloured(&torus).expect("has three colours");
+        let (patch, equations, a) = held_at_one(&torus, 0.0);
+        let pattern: Vec<[f64; 3]> =
+            colour.iter().map(|&c| [[1.0, 2.0, 0.0], [0.0, -3.0, 1.0], [-1.0, 1.0, -1.0]][c]).collect();
+        let mut product = vec![[1.0; 3]; a.row_count()];
+        a.multiply(&pattern, &mut product).expect("fits");
+        assert!(product.iter().flatten().all(|x| x.abs() < 1e-14));
+        let error = solve(&patch, &equations, a).expect_err("singular");
+        assert!(matches!(error, LinalgError::NotPositiveDefinite { .. }), "{error}");
+        let (patch, equations, a) = held_at_one(&torus, 0.01);
+        let solution = solve(&patch, &equations, a).expect("full rank");
+        assert!(solution.iter().zip(&patch.mesh.positions).all(|(p, q)| p.distance(*q) < 1e-12));
+        assert_eq!(coloured(&shapes::icosphere(1)), None);
+    }
+
+    /// Three colours such that no face has one twice, if there are.
+    fn coloured(mesh: &TriMesh) -> Option<Vec<usize>> {
+        let mut colour = vec![usize::MAX; mesh.vertex_count()];
+        for (k, &v) in mesh.triangles()[0].iter().enumerate() {
+            colour[v as usize] = k;
+        }
+        for _ in 0..mesh.face_count() {
+            for t in mesh.triangles() {
+                for k in 0..3 {
+                    let [a, b, c] = [0, 1, 2].map(|i| t[(k + i) % 3] as usize);
+                    if colour[a].max(colour[b]) < 3 && colour[a] != colour[b] {
+                        let third = 3 - colour[a] - colour[b];
+                        if colour[c] < 3 && colour[c] != third {
+                            return None;
+                        }
+                        colour[c] = third;
+                    }
+                }
+            }
+        }
+        Some(colour)
+    }
+
+    /// The rows do to any positions what their definitions say, and so do their right-hand sides at rest.
+    #[test]
+    fn rows_are_what_they_are_defined_to_be() {
+        let mesh = shapes::bumpy_plane(8, 6, 2.0, 1.0, 0.3, 2).expect("valid size");
+        let (patch, equations, a) = held_at_one(&mesh, 0.25);
+        let pose: Vec<DVec3> = (0..mesh.vertex_count() as u32)
+            .map(|v| DVec3::new((1.3 * f64::from(v)).sin(), (0.7 * f64::from(v)).cos(), (2.1 * f64::from(v)).sin()))
+            .collect();
+        let topology = patch.mesh.topology();
+        let x: Vec<[f64; 3]> = pose.iter().map(|&p| p.into()).collect();
+        let mut ax = vec![[0.0; 3]; a.row_count()];
+        a.multiply(&x, &mut ax).expect("fits");
+        let dual: Vec<DVec3> = (0..mesh.face_count()).map(|f| barycentre(topology, &pose, f)).collect();
+        for (stencil, ax) in equations.stencils.iter().zip(&ax) {
+            assert!(stencil.difference(&dual).distance(DVec3::from(*ax)) < 1e-13 * 20.0);
+        }
+        let borders = topology.boundary_vertices();
+        for (ring, ax) in equations.rings.iter().zip(&ax[equations.stencils.len()..]) {
+            let around = topology.neighbours(ring.vertex as usize);
+            let mean = around.iter().map(|&j| pose[j as usize]).sum::<DVec3>() / around.len() as f64;
+            // The border's faces have no stencil, nor their third corners a full set of them.
+            let on_border_face = topology.vertex_faces(ring.vertex as usize).iter();
+            let mut on_border_face = on_border_face.flat_map(|&f| topology.triangles()[f as usize]);
+            let factor = if on_border_face.any(|v| borders[v as usize]) { None } else { Some(0.5) };
+            assert!(factor.is_none_or(|factor| ring.factor == factor));
+            assert!(borders[ring.vertex as usize] <= (ring.factor == 1.0));
+            let expected = ring.factor * (pose[ring.vertex as usize] - mean);
+            assert!(expected.distance(DVec3::from(*ax)) < 1e-13);
+        }
+        // At rest both sides agree.
+        let rest: Vec<[f64; 3]> = patch.mesh.positions.iter().map(|&p| p.into()).collect();
+        a.multiply(&rest, &mut ax).expect("fits");
+        assert!(ax.iter().zip(equations.at_rest()).all(|(p, q)| DVec3::from(*p).distance(q.into()) < 1e-14));
+        assert_eq!(equations.rings.len(), mesh.vertex_count());
+    }
 }

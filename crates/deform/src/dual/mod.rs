@@ -28,4 +28,4 @@ mod options;
 mod stencil;
 
 pub use deformer::DualLaplacian;
-pub use options::{DualLaplacianOptions, Heights, LinearSolver};
+pub use options::{DualHeights, DualLaplacianOptions, LinearSolver};

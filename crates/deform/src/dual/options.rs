@@ -3,13 +3,13 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::DeformError;
 use crate::arap::MAX_ITERATIONS;
+use crate::{DeformError, text};
 
 /// What becomes of the heights of dual vertices while normals are taken anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Heights {
+pub enum DualHeights {
     /// They stay those of the rest shape, as in the text of Luo et al. and in Au et al. (2006).
     #[default]
     Kept,
@@ -37,7 +37,7 @@ pub enum LinearSolver {
 #[serde(default, deny_unknown_fields)]
 pub struct DualLaplacianOptions {
     /// Default: kept.
-    pub heights: Heights,
+    pub heights: DualHeights,
     /// Default: Cholesky.
     pub solver: LinearSolver,
     /// Most iterations after the first solve, at most [`MAX_ITERATIONS`]; an iteration takes new normals and solves. Default: 50. With 0
@@ -55,7 +55,7 @@ pub struct DualLaplacianOptions {
 impl Default for DualLaplacianOptions {
     fn default() -> Self {
         Self {
-            heights: Heights::default(),
+            heights: DualHeights::default(),
             solver: LinearSolver::default(),
             iterations: 50,
             tolerance: Some(1e-4),
@@ -84,3 +84,63 @@ impl DualLaplacianOptions {
         }
     }
 }
+
+/// The tokens that differ from the default, joined by `+`: `recomputed-heights+pbcg`.
+impl fmt::Display for DualLaplacianOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { heights, solver, iterations, tolerance, primal_weight } = self;
+        let default = Self::default();
+        text::join(
+            f,
+            [
+                text::word(*heights == DualHeights::Recomputed, "recomputed-heights"),
+                match solver {
+                    LinearSolver::Cholesky => None,
+                    LinearSolver::Pcg => Some("pcg".to_owned()),
+                    LinearSolver::Pbcg => Some("pbcg".to_owned()),
+                },
+                (*iterations != default.iterations).then(|| format!("iterations={iterations}")),
+                match tolerance {
+                    None => Some("no-tolerance".to_owned()),
+                    Some(x) => (*tolerance != default.tolerance).then(|| format!("tolerance={x:e}")),
+                },
+                (*primal_weight != default.primal_weight).then(|| format!("primal-weight={primal_weight:e}")),
+            ],
+        )
+    }
+}
+
+/// Reads what `Display` writes; the defaults may be named too. Numbers are checked when the method is prepared.
+impl FromStr for DualLaplacianOptions {
+    type Err = DeformError;
+
+    fn from_str(text: &str) -> Result<Self, DeformError> {
+        let mut options = Self::default();
+        for token in text::tokens(text) {
+            match token {
+                "kept-heights" => options.heights = DualHeights::Kept,
+                "recomputed-heights" => options.heights = DualHeights::Recomputed,
+                "cholesky" => options.solver = LinearSolver::Cholesky,
+                "pcg" => options.solver = LinearSolver::Pcg,
+                "pbcg" => options.solver = LinearSolver::Pbcg,
+                "no-tolerance" => options.tolerance = None,
+                _ => {
+                    if let Some(iterations) = text::number(token, "iterations") {
+                        options.iterations = iterations;
+                    } else if let Some(tolerance) = text::number(token, "tolerance") {
+                        options.tolerance = Some(tolerance);
+                    } else if let Some(weight) = text::number(token, "primal-weight") {
+                        options.primal_weight = weight;
+                    } else {
+                        return Err(text::unknown(token, TOKENS));
+                    }
+                }
+            }
+        }
+        Ok(options)
+    }
+}
+
+/// What the text form may have.
+const TOKENS: &str =
+    "kept-heights, recomputed-heights, cholesky, pcg, pbcg, iterations=N, no-tolerance, tolerance=X or primal-weight=X";

@@ -114,3 +114,69 @@ fn decompose(at: DVec3, [a, b, c]: [DVec3; 3]) -> Option<([f64; 3], Detail)> {
 fn combine([u, v, w]: [f64; 3], [a, b, c]: [DVec3; 3]) -> DVec3 {
     u * a + v * b + w * c
 }
+
+#[cfg(test)]
+mod tests {
+    use pliant_mesh::{TriMesh, shapes};
+
+    use super::*;
+
+    fn stencils(mesh: &TriMesh) -> (Vec<DVec3>, Vec<Stencil>) {
+        let topology = mesh.topology();
+        let dual: Vec<DVec3> = (0..mesh.face_count()).map(|f| barycentre(topology, &mesh.positions, f)).collect();
+        let of = |f: usize| dual_neighbours(topology, f).map(|neighbours| Stencil::new(f, neighbours, &dual));
+        let all = (0..mesh.face_count()).filter_map(of).collect();
+        (dual, all)
+    }
+
+    #[test]
+    fn a_dual_vertex_is_a_foot_and_a_height() {
+        let plane = shapes::bumpy_plane(14, 9, 2.0, 1.0, 0.2, 5).expect("valid size");
+        for (mesh, closed) in
+            [(shapes::icosphere(3), true), (shapes::cactus(1500).expect("in range"), true), (plane, false)]
+        {
+            let (dual, all) = stencils(&mesh);
+            assert_eq!(all.len() == mesh.face_count(), closed);
+            let mut heights = 0;
+            for stencil in &all {
+                let (at, around) = (dual[stencil.face as usize], stencil.around(&dual));
+                // The last weight is 1 less the others.
+                assert!((stencil.weights.iter().sum::<f64>() - 1.0).abs() <= 1e-14 * FARTHEST);
+                let Detail::Height(height) = stencil.detail else { continue };
+                heights += 1;
+                let normal = dual_normal(around).expect("not thin");
+                // Positions are below 2 in size, and areas above THINNEST of squared lengths.
+                assert!(stencil.difference(&dual).distance(height * normal) < 1e-12, "{stencil:?}");
+                assert!((at - height * normal - around[0]).dot(normal).abs() < 1e-14);
+            }
+            assert!(10 * heights > 9 * all.len(), "{heights} of {}", all.len());
+        }
+    }
+
+    /// On a sphere every barycentre is outside the plane of its neighbours, and farther out than the normal's foot.
+    #[test]
+    fn heights_of_a_convex_shape_are_positive() {
+        let (_, all) = stencils(&shapes::icosphere(2));
+        assert!(all.iter().all(|s| matches!(s.detail, Detail::Height(h) if h > 0.0)));
+    }
+
+    #[test]
+    fn thin_stencils_keep_the_whole_vector() {
+        let at = DVec3::new(0.3, 0.2, 0.1);
+        let line = [DVec3::ZERO, DVec3::X, DVec3::new(0.4, 1e-4, 0.0)];
+        // Not thin, but seen from afar.
+        let far = [DVec3::new(30.0, 0.0, 0.0), DVec3::new(31.0, 0.0, 0.0), DVec3::new(30.0, 1.0, 0.0)];
+        for around in [line, far, [at; 3], [DVec3::ZERO; 3]] {
+            let dual = [at, around[0], around[1], around[2]];
+            let stencil = Stencil::new(0, [1, 2, 3], &dual);
+            let mean = (around[0] + around[1] + around[2]) / 3.0;
+            assert_eq!(stencil.weights, [1.0 / 3.0; 3]);
+            let Detail::Vector(rest) = stencil.detail else { panic!("{stencil:?}") };
+            assert!(rest.distance(at - mean) < 1e-14 && stencil.difference(&dual).distance(rest) < 1e-14);
+        }
+        assert_eq!(dual_normal(line.map(|p| DVec3::new(p.x, 0.0, 0.0))), None);
+        assert_eq!(dual_normal([DVec3::ZERO; 3]), None);
+        let large = [DVec3::ZERO, DVec3::X * 1e100, DVec3::Y * 1e100];
+        assert_eq!(dual_normal(large), Some(DVec3::Z));
+    }
+}
