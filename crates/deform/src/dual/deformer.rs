@@ -285,3 +285,66 @@ impl System {
 fn distance(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     a.iter().zip(b).map(|(&a, &b)| DVec3::from(a).distance_squared(b.into())).sum::<f64>().sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use pliant_mesh::{Similarity, VertexSet, shapes};
+
+    use super::*;
+    use crate::Handle;
+
+    /// The lengths of steps as the solves want them, before any is shortened, and as they are taken.
+    fn steps(mesh: &TriMesh, angle: f64, count: usize) -> (Vec<f64>, Vec<f64>) {
+        let (n, bounds) = (mesh.vertex_count(), mesh.bounds());
+        let axis = bounds.size().max_position();
+        let along = |v: u32| bounds.to_box(mesh.positions[v as usize])[axis];
+        let low = Handle::hard(VertexSet::where_true(n, |v| along(v) <= 0.15));
+        let high = Handle::hard(VertexSet::where_true(n, |v| along(v) >= 0.85));
+        let region = Region::new(n, &VertexSet::all(n), &[low, high]).expect("both ends have vertices");
+        let turn = Similarity::about(bounds.centre(), DVec3::new(0.3, 0.2, 1.0), angle, 1.0);
+        let goals = Goals::new(vec![Similarity::IDENTITY, turn]);
+        let options = DualLaplacianOptions { iterations: 0, ..DualLaplacianOptions::default() };
+        let mut edit = Edit::new(&options, mesh, &region).expect("valid");
+        edit.read(&goals, &mesh.positions).expect("valid");
+        let mut report = edit.iterate(&options).expect("solvable");
+        let (mut wanted, mut taken, mut longest) = (Vec::new(), Vec::new(), f64::INFINITY);
+        for _ in 0..count {
+            edit.turn_details();
+            edit.solve(&mut report).expect("solvable");
+            wanted.push(distance(&edit.scratch.ax, &edit.scratch.last_ax));
+            edit.step(&mut longest);
+            taken.push(distance(&edit.scratch.ax, &edit.scratch.last_ax));
+        }
+        (wanted, taken)
+    }
+
+    /// By nature on ordinary edits, and by shortening where a tube is bent until it buckles.
+    #[test]
+    fn steps_never_lengthen() {
+        let tube = shapes::cylinder(0.4, 3.0, 20, 40, 4).expect("valid size");
+        let ordinary = [
+            shapes::bar(24, 4, 4, DVec3::new(4.0, 0.7, 0.7)).expect("valid size"),
+            shapes::bumpy_plane(30, 20, 3.0, 2.0, 0.1, 3).expect("valid size"),
+            shapes::cactus(1500).expect("in range"),
+            shapes::creature(2000).expect("in range"),
+        ];
+        // Below that, steps are rounding.
+        let floor = 1e-13;
+        for (mesh, angle) in ordinary.iter().chain([&tube]).flat_map(|m| [(m, 0.3), (m, 0.6)]) {
+            let (wanted, _) = steps(mesh, angle, 60);
+            for pair in wanted.windows(2) {
+                assert!(pair[1] <= pair[0] || pair[1] < floor, "{angle}: {} -> {}", pair[0], pair[1]);
+            }
+            assert!(wanted[59] < 0.05 * wanted[0], "{angle}: {wanted:?}");
+        }
+        for mesh in &ordinary {
+            let (wanted, taken) = steps(mesh, 2.0, 60);
+            assert!(taken.windows(2).all(|pair| pair[1] <= pair[0] * (1.0 + 1e-12)), "{taken:?}");
+            assert!(wanted[59] < 0.05 * wanted[0], "{wanted:?}");
+        }
+        let (wanted, taken) = steps(&tube, 2.0, 60);
+        assert!(wanted.windows(2).any(|pair| pair[1] > pair[0]), "no longer an example: {wanted:?}");
+        assert!(taken.windows(2).all(|pair| pair[1] <= pair[0] * (1.0 + 1e-12)), "{taken:?}");
+        assert!(wanted[59] < 0.05 * wanted[0], "{wanted:?}");
+    }
+}
