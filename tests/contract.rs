@@ -2,8 +2,8 @@
 
 use pliant::glam::DVec3;
 use pliant::{
-    ArapEnergy, ArapOptions, Binding, CageSize, DeformError, EdgeWeightKind, Goals, Handle, Method, Propagation, Prune,
-    Region, Silent, Similarity, TriMesh, VertexSet, creature, shapes, simplify,
+    ArapEnergy, ArapOptions, Binding, CageSize, DeformError, DualLaplacianOptions, EdgeWeightKind, Goals, Handle,
+    Method, Propagation, Prune, Region, Silent, Similarity, TriMesh, VertexSet, creature, shapes, simplify,
 };
 
 fn methods() -> Vec<Method> {
@@ -13,6 +13,7 @@ fn methods() -> Vec<Method> {
             methods.push(Method::Arap(ArapOptions { weights, energy, ..ArapOptions::default() }));
         }
     }
+    methods.push(Method::DualLaplacian(DualLaplacianOptions::default()));
     methods
 }
 

@@ -6,7 +6,8 @@ use allocation_counter::measure;
 use common::{along_x, sheet, torus};
 use glam::DVec3;
 use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions};
-use pliant_deform::{Deformer, Goals, Handle, Region};
+use pliant_deform::dual::DualLaplacian;
+use pliant_deform::{Deformer, DualLaplacianOptions, Goals, Handle, LinearSolver, Region};
 use pliant_mesh::{FrameFit, Frames, Similarity, TriMesh, VertexSet};
 
 fn region(mesh: &TriMesh, soft: bool) -> Region {
@@ -76,4 +77,27 @@ fn entering_the_pool_of_threads_allocates_rarely() {
         }
     });
     assert!(info.count_total <= 10, "{info:?}");
+}
+
+/// By each solver, from the second time on.
+#[test]
+fn the_dual_laplacian_allocates_nothing() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
+    for mesh in [sheet(16, 8), torus(60, 24)] {
+        for solver in [LinearSolver::Cholesky, LinearSolver::Pcg, LinearSolver::Pbcg] {
+            let options = DualLaplacianOptions { solver, iterations: 3, ..DualLaplacianOptions::default() };
+            let mut dual = DualLaplacian::prepare(&options, &mesh, &region(&mesh, true)).expect("valid");
+            let mut pose = mesh.positions.clone();
+            let all: Vec<Goals> = (0..3).map(goals).collect();
+            dual.solve(&all[0], &mut pose).expect("solvable");
+            let info = pool.install(|| {
+                measure(|| {
+                    for goals in &all {
+                        dual.solve(goals, &mut pose).expect("solvable");
+                    }
+                })
+            });
+            assert_eq!(info.count_total, 0, "{options:?}");
+        }
+    }
 }

@@ -261,6 +261,48 @@ mod tests {
         Some(colour)
     }
 
+    /// Right-hand sides that no positions meet, by elimination of the full normal equations.
+    #[test]
+    fn the_sparse_solution_is_the_dense_one() {
+        let mesh = shapes::bumpy_plane(7, 5, 2.0, 1.0, 0.3, 2).expect("valid size");
+        let (patch, equations, a) = held_at_one(&mesh, 0.01);
+        let n = patch.vertices.len();
+        let mut b = equations.at_rest();
+        for (k, b) in b.iter_mut().enumerate() {
+            *b = (DVec3::from(*b) + 0.1 * DVec3::new((k as f64).sin(), (2.0 * k as f64).cos(), (3.0 * k as f64).sin()))
+                .into();
+        }
+        let mut x = vec![[0.0; 3]; n];
+        x[0] = patch.mesh.positions[0].into();
+        LeastSquares::new(a.clone(), |v| v != 0).expect("full rank").solve(&b, &mut x).expect("solvable");
+        // Rows `[N | A^T b]`, with that of the held vertex replaced by its value.
+        let mut dense = vec![vec![0.0; n + 3]; n];
+        for (row, b) in b.iter().enumerate() {
+            let (columns, values) = a.row(row);
+            for (&i, p) in columns.iter().zip(values) {
+                for (&j, q) in columns.iter().zip(values) {
+                    dense[i as usize][j as usize] += p * q;
+                }
+                (0..3).for_each(|c| dense[i as usize][n + c] += p * b[c]);
+            }
+        }
+        dense[0] = (0..n + 3).map(|j| if j < n { f64::from(j == 0) } else { x[0][j - n] }).collect();
+        for k in 0..n {
+            let pivot = (k..n).max_by(|&i, &j| dense[i][k].abs().total_cmp(&dense[j][k].abs())).expect("k < n");
+            dense.swap(k, pivot);
+            let row = dense[k].clone();
+            for other in (0..n).filter(|&other| other != k) {
+                let factor = dense[other][k] / row[k];
+                dense[other].iter_mut().zip(&row).for_each(|(x, y)| *x -= factor * y);
+            }
+        }
+        let size = x.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        for (k, x) in x.iter().enumerate() {
+            // The condition number of the normal equations is below 1e6.
+            assert!((0..3).all(|c| (dense[k][n + c] / dense[k][k] - x[c]).abs() < 1e-9 * size), "{k}");
+        }
+    }
+
     /// The rows do to any positions what their definitions say, and so do their right-hand sides at rest.
     #[test]
     fn rows_are_what_they_are_defined_to_be() {

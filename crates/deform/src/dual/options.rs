@@ -13,7 +13,8 @@ pub enum DualHeights {
     /// They stay those of the rest shape, as in the text of Luo et al. and in Au et al. (2006).
     #[default]
     Kept,
-    /// They are measured along the new normal, as Luo et al. print Eq. 10. Details then fade where the surface is bent.
+    /// They are measured along the new normal, as Luo et al. print Eq. 10. Nothing holds them to those at rest but the first solve: on bent
+    /// tubes they change two to three times as much.
     Recomputed,
 }
 
