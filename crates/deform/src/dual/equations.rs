@@ -160,7 +160,7 @@ impl Equations {
 }
 
 /// Sorted by column, with equal columns added up.
-fn merged(row: &mut Vec<(u32, f64)>) -> impl Iterator<Item = (u32, f64)> + '_ {
+fn merged(row: &mut [(u32, f64)]) -> impl Iterator<Item = (u32, f64)> + '_ {
     row.sort_by_key(|&(column, _)| column);
     row.chunk_by(|p, q| p.0 == q.0).map(|same| (same[0].0, same.iter().map(|(_, value)| value).sum()))
 }

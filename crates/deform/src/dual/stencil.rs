@@ -99,8 +99,9 @@ fn decompose(at: DVec3, [a, b, c]: [DVec3; 3]) -> Option<([f64; 3], Detail)> {
     let normal = (b - a).cross(c - a);
     let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
     let twice_area = normal.length();
-    // Written so that a triangle of no size fails.
-    if !(twice_area > 2.0 * THINNEST * longest) {
+    // A triangle of no size is thin too.
+    let is_wide = twice_area > 2.0 * THINNEST * longest;
+    if !is_wide {
         return None;
     }
     // What `at` has along the normal does not count in these.
