@@ -28,12 +28,14 @@ fn solving_allocates_nothing_from_the_second_time_on() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
     for mesh in [sheet(16, 8), torus(90, 40)] {
         for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
-            for (iterations, tolerance, acceleration) in [
-                (2, None, Acceleration::None),
-                (2, Some(1e-6), Acceleration::None),
-                (12, None, Acceleration::Anderson { window: 5 }),
+            for (iterations, tolerance, acceleration, smoothness) in [
+                (2, None, Acceleration::None, 0.0),
+                (2, Some(1e-6), Acceleration::None, 0.0),
+                (12, None, Acceleration::Anderson { window: 5 }, 0.0),
+                (4, None, Acceleration::Anderson { window: 5 }, 0.01),
             ] {
-                let options = ArapOptions { energy, iterations, tolerance, acceleration, ..ArapOptions::default() };
+                let options =
+                    ArapOptions { energy, smoothness, iterations, tolerance, acceleration, ..ArapOptions::default() };
                 let mut arap = Arap::prepare(&options, &mesh, &region(&mesh, false)).expect("valid");
                 let mut pose = mesh.positions.clone();
                 for soft in [false, true] {
