@@ -39,18 +39,20 @@
 pub mod arap;
 pub mod dual;
 mod error;
+mod fit;
 mod frame;
 mod goals;
+pub mod laplacian;
 mod method;
 mod operators;
 mod patch;
 mod region;
-mod rigid;
 mod text;
 
-pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
+pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
 pub use dual::{DualHeights, DualLaplacianOptions, LinearSolver};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
+pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use region::{Constraint, Handle, Region, Role};

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::arap::{Arap, ArapOptions};
 use crate::dual::{DualLaplacian, DualLaplacianOptions};
+use crate::laplacian::{Laplacian, LaplacianOptions};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -15,8 +16,10 @@ use crate::{DeformError, Goals, Region};
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Method {
-    /// As-rigid-as-possible surface modeling.
+    /// As-rigid-as-possible surface modeling: iterates, keeps lengths best.
     Arap(ArapOptions),
+    /// Laplacian surface editing: one or two linear solves.
+    Laplacian(LaplacianOptions),
     /// The Laplacian of the dual mesh, kept by iteration.
     DualLaplacian(DualLaplacianOptions),
 }
@@ -37,30 +40,34 @@ impl Method {
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
+            Self::Laplacian(options) => Ok(Box::new(Laplacian::prepare(options, rest, region)?)),
             Self::DualLaplacian(options) => Ok(Box::new(DualLaplacian::prepare(options, rest, region)?)),
         }
     }
 }
 
 impl Method {
-    /// The same method with exactly this many iterations a solve.
+    /// The same method with exactly this many iterations a solve; one that does not iterate stays as it is.
     #[must_use]
     pub fn with_iterations(&self, iterations: u32) -> Self {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
+            Self::Laplacian(_) => self.clone(),
             Self::DualLaplacian(options) => {
                 Self::DualLaplacian(DualLaplacianOptions { iterations, tolerance: None, ..options.clone() })
             }
         }
     }
 
-    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times.
+    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times; one
+    /// that does not iterate stays as it is.
     #[must_use]
     pub fn until_converged(&self, tolerance: f64, most: u32) -> Self {
         match self {
             Self::Arap(options) => {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
+            Self::Laplacian(_) => self.clone(),
             Self::DualLaplacian(options) => Self::DualLaplacian(DualLaplacianOptions {
                 iterations: most,
                 tolerance: Some(tolerance),
@@ -75,6 +82,7 @@ impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, options) = match self {
             Self::Arap(options) => ("arap", options.to_string()),
+            Self::Laplacian(options) => ("laplacian", options.to_string()),
             Self::DualLaplacian(options) => ("dual", options.to_string()),
         };
         f.write_str(name)?;
@@ -90,6 +98,7 @@ impl FromStr for Method {
         let (name, options) = text.split_once(':').unwrap_or((text, ""));
         match name {
             "arap" => Ok(Self::Arap(options.parse()?)),
+            "laplacian" => Ok(Self::Laplacian(options.parse()?)),
             "dual" => Ok(Self::DualLaplacian(options.parse()?)),
             _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
@@ -97,7 +106,7 @@ impl FromStr for Method {
 }
 
 /// The names of the methods.
-const NAMES: &str = "arap or dual";
+const NAMES: &str = "arap, laplacian or dual";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {
@@ -114,9 +123,9 @@ pub trait Deformer: Send {
 
     /// Makes ready for another region of the same rest shape: handles added, removed, grown, or moved between hard and soft.
     ///
-    /// Solutions are then those of a deformer freshly prepared for `region`. Where the region of interest has the same vertices
-    /// as before, only numbers are computed again; otherwise everything that depends on it is. Poses are not touched, so the next solve
-    /// may start from the last one. On an error the deformer stays as it was and solves for the region it had.
+    /// Solutions are then those of a deformer freshly prepared for `region`. As-rigid-as-possible deformation computes only numbers again
+    /// where the region of interest has the same vertices as before; otherwise everything that depends on the region is. Poses are not
+    /// touched, so the next solve may start from the last one. On an error the deformer stays as it was and solves for the region it had.
     ///
     /// # Errors
     /// As [`Method::prepare`].
@@ -158,9 +167,9 @@ pub struct PrepareReport {
 /// What a solve did.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SolveReport {
-    /// Iterations done.
+    /// Iterations done; 0 by a method that does not iterate.
     pub iterations: u32,
-    /// Whether the method's tolerance was met; `false` where none is set.
+    /// Whether the method's tolerance was met: `false` where none is set, `true` for a method that does not iterate.
     pub converged: bool,
     /// The method's energy before the first iteration, in its own units; only where the stop rule needs it.
     pub energy_before: Option<f64>,

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use common::{along_x, bar, distance, pyramid, sheet, torus, variants};
 use glam::{DQuat, DVec3};
-use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
+use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
 use pliant_deform::{DeformError, Deformer, Goals, Handle, HandleFault, Method, Region, Role};
 use pliant_mesh::{Similarity, TriMesh, VertexSet};
 
@@ -491,11 +491,12 @@ fn methods_have_a_short_text_form() {
         iterations: 50,
         tolerance: Some(3.25e-7),
         acceleration: Acceleration::Anderson { window: 5 },
+        start: Start::Propagated,
     };
     for (options, text) in [
         (ArapOptions::default(), "arap"),
         (ArapOptions::faithful(), "arap:uniform"),
-        (rich, "arap:uniform+spokes-and-rims+smooth=0.01+iterations=50+tolerance=3.25e-7+anderson=5"),
+        (rich, "arap:uniform+spokes-and-rims+smooth=0.01+iterations=50+tolerance=3.25e-7+anderson=5+propagated"),
     ] {
         let method = Method::Arap(options);
         assert_eq!(method.to_string(), text);

@@ -65,6 +65,27 @@ fn rest_and_common_rigid_motions_are_reproduced() {
     }
 }
 
+/// In a region that is a part of the mesh, cells at its rim have neighbours without a rotation.
+#[test]
+fn a_part_of_the_mesh_is_enough() {
+    let mesh = sheet(30, 8);
+    let n = mesh.vertex_count();
+    let (roi, tip) = (along_x(&mesh, 0.5..=1.0), along_x(&mesh, 0.9..=1.0));
+    let region = Region::new(n, &roi, &[Handle::hard(tip)]).expect("valid");
+    for options in smoothed(0.01) {
+        let options = ArapOptions { iterations: 2000, tolerance: Some(0.0), ..options };
+        let mut arap = Arap::prepare(&options, &mesh, &region).expect("valid");
+        let mut pose = mesh.positions.clone();
+        let lift = Goals::new(vec![Similarity::about(mesh.bounds().centre(), DVec3::new(0.1, 1.0, 0.3), 0.5, 1.0)]);
+        arap.solve(&lift, &mut pose).expect("solvable");
+        assert!((0..n).all(|v| roi.contains(v as u32) || pose[v] == mesh.positions[v]));
+        assert!(distance(&pose, &mesh.positions) > 0.1 && arap.energy(&lift, &pose).expect("valid") > 0.0);
+        // And back: what is left is what the tolerance leaves.
+        arap.solve(&region.identity_goals(), &mut pose).expect("solvable");
+        assert!(distance(&pose, &mesh.positions) < 1e-6, "{:e}", distance(&pose, &mesh.positions));
+    }
+}
+
 /// `alpha` is a pure number: the same pose at any scale, and an energy that grows as an area.
 #[test]
 fn the_scale_of_the_scene_does_not_matter() {

@@ -9,14 +9,15 @@ use pliant_mesh::TriMesh;
 use pliant_mesh::threads::among_threads;
 
 use super::anderson::Anderson;
+use super::carried::Carried;
 use super::cells::{Cells, Term};
 use super::roles::Roles;
 use super::shape::Shape;
 use super::smooth::Smoother;
 use super::steps::{Columns, ENERGY_CHUNK, Row, energy, fit_rotations, move_unknowns, point, row, spring_energy};
-use super::{Acceleration, ArapOptions};
+use super::{Acceleration, ArapOptions, Start};
+use crate::fit::Fit;
 use crate::frame::{Frame, check_count, check_pose};
-use crate::rigid::fit_rigid;
 use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, StepTimes};
 
 /// Energy, per unit of weight and with a diagonal of 1, that is nothing but rounding.
@@ -47,6 +48,8 @@ struct Edit {
     factor: Cholesky,
     /// If iterations are accelerated.
     anderson: Option<Anderson>,
+    /// If they start from the turns of the handles.
+    carried: Option<Carried>,
     /// If rotations are smoothed.
     smoother: Option<Smoother>,
     /// Edges of the energy; only if it has been asked for.
@@ -200,7 +203,9 @@ impl Edit {
         let smoother = smoother(shape, &cells, &roles);
         let region = region.clone();
         let times = StepTimes::default();
-        let mut edit = Self { region, cells, roles, factor, anderson, smoother, terms: None, rest, scratch, times };
+        let carried = carried(options, &cells, &roles);
+        let mut edit =
+            Self { region, cells, roles, factor, anderson, carried, smoother, terms: None, rest, scratch, times };
         if options.tolerance.is_some() || is_accelerated {
             edit.prepare_energy(shape);
         }
@@ -226,6 +231,7 @@ impl Edit {
         }
         self.scratch.fit(&roles);
         self.anderson = anderson(options, &roles);
+        self.carried = carried(options, cells, &roles);
         self.smoother = smoother(shape, cells, &roles);
         self.roles = roles;
         self.region = region.clone();
@@ -263,6 +269,9 @@ impl Edit {
             let goal = goals.apply(spring.handle, spring.rest);
             *draw = row(frame.enter_goal(goal, spring.handle, vertex)?);
         }
+        if let Some(carried) = &mut self.carried {
+            carried.read(roles, goals, &self.rest, &scratch.pose);
+        }
         Ok(())
     }
 
@@ -288,17 +297,21 @@ impl Edit {
         Ok(())
     }
 
-    /// The initial guess: the global step from the rotations of the incoming pose.
+    /// The initial guess: the global step from the rotations of the incoming pose, or from those carried from the handles.
     ///
-    /// Those rotations are taken before the handles jump: with handles already at their goals, the cells at their rims
+    /// The former rotations are taken before the handles jump: with handles already at their goals, the cells at their rims
     /// would see torn edges and no true rotation. From rest all of them are one rotation: the identity (Sorkine and
     /// Alexa's guess) unless the constraints turn as a whole.
     fn guess(&mut self) -> Result<(), LinalgError> {
         if let Some(anderson) = &mut self.anderson {
             anderson.forget();
         }
-        self.follow_constraints();
-        self.start_rotations();
+        if self.carried.is_some() {
+            self.carry_rotations()?;
+        } else {
+            self.follow_constraints();
+            self.start_rotations();
+        }
         let Scratch { pose, goals, .. } = &mut self.scratch;
         for (&slot, goal) in self.roles.held.iter().zip(goals) {
             pose[slot as usize] = *goal;
@@ -322,11 +335,22 @@ impl Edit {
         if held.clone().all(|(at, goal, _)| at == goal) {
             return;
         }
-        let (rotation, translation) = fit_rigid(held.map(|(at, goal, grip)| (point(at), point(goal), grip)));
+        let fit = Fit::rigid(held.map(|(at, goal, grip)| (point(at), point(goal), grip)));
         for &slot in roles.unknowns.as_slice().iter().chain(&roles.held) {
             let position = &mut pose[slot as usize];
-            *position = row(rotation * point(*position) + translation);
+            *position = row(fit.apply(point(*position)));
         }
+    }
+
+    fn carry_rotations(&mut self) -> Result<(), LinalgError> {
+        let Self { cells, roles, factor, carried, scratch, times, .. } = self;
+        let start = Instant::now();
+        let turned = match carried {
+            Some(carried) => carried.rotate(cells, roles, factor, &mut scratch.rotations, &mut scratch.rhs),
+            None => Ok(()),
+        };
+        times.global += start.elapsed();
+        turned
     }
 
     /// Rotations that depend on the pose alone.
@@ -440,6 +464,10 @@ impl Scratch {
 
 fn smoother(shape: &Shape, cells: &Cells, roles: &Roles) -> Option<Smoother> {
     (shape.smoothing > 0.0).then(|| Smoother::new(cells, roles))
+}
+
+fn carried(options: &ArapOptions, cells: &Cells, roles: &Roles) -> Option<Carried> {
+    (options.start == Start::Propagated).then(|| Carried::new(cells, roles))
 }
 
 fn anderson(options: &ArapOptions, roles: &Roles) -> Option<Anderson> {

@@ -97,7 +97,9 @@ impl Smoother {
 #[inline(always)]
 fn smooth_neighbours<'a>(cells: &'a Cells, roles: &'a Roles, slot: usize) -> impl Iterator<Item = (usize, f64)> + 'a {
     let pairs = cells.neighbours(slot).iter().zip(cells.smoothing(slot));
-    pairs.filter(|(other, _)| roles.fitted.contains(**other as usize)).map(|(&other, &weight)| (other as usize, weight))
+    // Those of the outermost cells need not be cells.
+    let is_fitted = |slot: usize| slot < cells.cells && roles.fitted.contains(slot);
+    pairs.map(|(&other, &weight)| (other as usize, weight)).filter(move |&(other, _)| is_fitted(other))
 }
 
 /// Fits the cells of `slots`, the others held.

@@ -9,8 +9,8 @@ use pliant_mesh::threads::among_threads;
 
 use super::equations::Equations;
 use super::{DualLaplacianOptions, LinearSolver};
+use crate::fit::Fit;
 use crate::patch::Patch;
-use crate::rigid::fit_rigid;
 use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, StepTimes};
 
 /// So many rings of fixed vertices are looked at: a row reaches from an unknown over two faces, and whether a vertex is at a border
@@ -183,10 +183,10 @@ impl Edit {
         let springs = equations.springs().iter().map(|spring| (spring.vertex, spring.weight / (1.0 + spring.weight)));
         let held = rim.iter().map(|&v| (v, 1.0)).chain(springs);
         let held = held.map(|(v, grip)| (pose[v as usize], goals[v as usize], grip));
-        if held.clone().any(|(at, goal, _)| at != goal) {
-            let (rotation, translation) = fit_rigid(held);
+        let motion = Fit::rigid(held);
+        if motion != Fit::IDENTITY {
             for position in pose.iter_mut() {
-                *position = rotation * *position + translation;
+                *position = motion.apply(*position);
             }
         }
         for ((x, held), (pose, goal)) in x.iter_mut().zip(&patch.held).zip(pose.iter().zip(&*goals)) {
