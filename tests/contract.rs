@@ -189,14 +189,20 @@ fn scaling_the_scene_scales_the_result() {
 fn any_scale_and_offset_of_the_scene_is_followed() {
     everywhere(|name, method, _, shape, stage| {
         let mesh = stage.mesh(shape);
-        let plain = solve(method, mesh, &bend(mesh));
+        // Taken once: vertices on the rim of an end may round to either side.
+        let region = ends(mesh);
+        let solve = |mesh: &TriMesh| {
+            let mut pose = mesh.positions.clone();
+            method.prepare(mesh, &region).expect("valid").solve(&bend(mesh), &mut pose).expect("valid");
+            pose
+        };
+        let plain = solve(mesh);
         for scale in [1e3, 1e-3] {
             let offset = scale * DVec3::new(5.0, -7.0, 3.0);
             let moved = |points: &[DVec3]| -> Vec<DVec3> { points.iter().map(|p| *p * scale + offset).collect() };
             let other = mesh.with_positions(moved(&mesh.positions)).expect("finite");
-            let pose = solve(method, &other, &bend(&other));
-            let error = largest(&pose, &moved(&plain)) / other.bounds().diagonal();
-            assert!(error < 1e-8, "{name}, scale {scale}: {error:e}");
+            let error = largest(&solve(&other), &moved(&plain)) / other.bounds().diagonal();
+            assert!(error < 1e-11, "{name}, scale {scale}: {error:e}");
         }
     });
 }
