@@ -20,7 +20,7 @@ pub enum Method {
     Arap(ArapOptions),
     /// Laplacian surface editing: one or two linear solves.
     Laplacian(LaplacianOptions),
-    /// The Laplacian of the dual mesh, kept by iteration.
+    /// The Laplacian of the dual mesh: iterates, keeps details and turns them along. Exact for a common rigid motion.
     DualLaplacian(DualLaplacianOptions),
 }
 

@@ -156,12 +156,12 @@ impl Edit {
         self.equations.draw_springs(&self.scratch.goals, &mut self.scratch.b);
         self.follow_constraints();
         self.turn_details();
-        let mut is_solved = self.solve(&mut report)?;
+        let mut is_solved = self.solve(true, &mut report)?;
         self.advance(1.0);
         let mut longest = f64::INFINITY;
         while report.iterations < options.iterations {
             self.turn_details();
-            is_solved &= self.solve(&mut report)?;
+            is_solved &= self.solve(false, &mut report)?;
             let moved = self.step(&mut longest);
             report.iterations += 1;
             report.converged = is_solved && options.tolerance.is_some_and(|share| moved <= share * self.diagonal);
@@ -201,11 +201,11 @@ impl Edit {
         times.local += start.elapsed();
     }
 
-    /// Solves for where the unknowns are to go; whether the solver met its tolerance.
-    fn solve(&mut self, report: &mut SolveReport) -> Result<bool, LinalgError> {
+    /// Solves for where the unknowns are to go; whether the solver met its tolerance. Only the first solve of many has a long way.
+    fn solve(&mut self, is_first: bool, report: &mut SolveReport) -> Result<bool, LinalgError> {
         let Self { system, scratch, times, .. } = self;
         let start = Instant::now();
-        let is_solved = system.solve(&scratch.b, &mut scratch.x, report)?;
+        let is_solved = system.solve(is_first, &scratch.b, &mut scratch.x, report)?;
         std::mem::swap(&mut scratch.ax, &mut scratch.last_ax);
         system.matrix().multiply(&scratch.x, &mut scratch.ax)?;
         times.global += start.elapsed();
@@ -268,9 +268,16 @@ impl System {
     }
 
     /// Whether the tolerance was met.
-    fn solve(&mut self, b: &[[f64; 3]], x: &mut [[f64; 3]], report: &mut SolveReport) -> Result<bool, LinalgError> {
+    fn solve(
+        &mut self,
+        is_first: bool,
+        b: &[[f64; 3]],
+        x: &mut [[f64; 3]],
+        report: &mut SolveReport,
+    ) -> Result<bool, LinalgError> {
         match self {
-            Self::Factor(system) => system.solve(b, x).map(|()| true),
+            Self::Factor(system) if is_first => system.solve(b, x).map(|()| true),
+            Self::Factor(system) => system.refine(b, x).map(|()| true),
             Self::Iterative(system) => {
                 let most = (x.len() as u32).saturating_mul(MOST_PER_UNKNOWN);
                 let solved = system.solve(b, x, RESIDUAL, most)?;
@@ -310,7 +317,7 @@ mod tests {
         let (mut wanted, mut taken, mut longest) = (Vec::new(), Vec::new(), f64::INFINITY);
         for _ in 0..count {
             edit.turn_details();
-            edit.solve(&mut report).expect("solvable");
+            edit.solve(false, &mut report).expect("solvable");
             wanted.push(distance(&edit.scratch.ax, &edit.scratch.last_ax));
             edit.step(&mut longest);
             taken.push(distance(&edit.scratch.ax, &edit.scratch.last_ax));
