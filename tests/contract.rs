@@ -15,12 +15,16 @@ enum Exact {
 }
 
 /// Every method, in its variants, with what its docs promise.
-const METHODS: [(&str, Exact); 15] = [
+const METHODS: [(&str, Exact); 19] = [
     ("arap", Exact::RigidMotions),
-    ("arap:spokes-and-rims", Exact::RigidMotions),
+    ("arap:spokes", Exact::RigidMotions),
     ("arap:uniform", Exact::RigidMotions),
-    ("arap:uniform+spokes-and-rims", Exact::RigidMotions),
+    ("arap:uniform+spokes", Exact::RigidMotions),
     ("arap:propagated", Exact::RigidMotions),
+    ("arap:smooth=0.01", Exact::RigidMotions),
+    ("arap:spokes+smooth=0.01+anderson=5+iterations=6", Exact::RigidMotions),
+    ("dual", Exact::RigidMotions),
+    ("dual:recomputed-heights", Exact::RigidMotions),
     ("laplacian", Exact::Translations),
     ("laplacian:uniform", Exact::Translations),
     ("laplacian:two-step", Exact::RigidMotions),

@@ -37,6 +37,7 @@
 //! ```
 
 pub mod arap;
+pub mod dual;
 mod error;
 mod fit;
 mod frame;
@@ -50,6 +51,7 @@ pub mod rotation_invariant;
 mod text;
 
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
+pub use dual::{DualHeights, DualLaplacianOptions, LinearSolver};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
 pub use laplacian::{Details, LaplacianOptions};

@@ -7,6 +7,7 @@ use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
 use crate::arap::{Arap, ArapOptions};
+use crate::dual::{DualLaplacian, DualLaplacianOptions};
 use crate::laplacian::{Laplacian, LaplacianOptions};
 use crate::rotation_invariant::{RotationInvariant, RotationInvariantOptions};
 use crate::{DeformError, Goals, Region};
@@ -22,6 +23,8 @@ pub enum Method {
     Laplacian(LaplacianOptions),
     /// Linear rotation-invariant coordinates: two linear solves, frames from the goals' turns and then positions.
     RotationInvariant(RotationInvariantOptions),
+    /// The Laplacian of the dual mesh: iterates, keeps details and turns them along. Exact for a common rigid motion.
+    DualLaplacian(DualLaplacianOptions),
 }
 
 impl Default for Method {
@@ -42,6 +45,7 @@ impl Method {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
             Self::Laplacian(options) => Ok(Box::new(Laplacian::prepare(options, rest, region)?)),
             Self::RotationInvariant(options) => Ok(Box::new(RotationInvariant::prepare(options, rest, region)?)),
+            Self::DualLaplacian(options) => Ok(Box::new(DualLaplacian::prepare(options, rest, region)?)),
         }
     }
 }
@@ -53,6 +57,9 @@ impl Method {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
             Self::Laplacian(_) | Self::RotationInvariant(_) => self.clone(),
+            Self::DualLaplacian(options) => {
+                Self::DualLaplacian(DualLaplacianOptions { iterations, tolerance: None, ..options.clone() })
+            }
         }
     }
 
@@ -65,6 +72,11 @@ impl Method {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
             Self::Laplacian(_) | Self::RotationInvariant(_) => self.clone(),
+            Self::DualLaplacian(options) => Self::DualLaplacian(DualLaplacianOptions {
+                iterations: most,
+                tolerance: Some(tolerance),
+                ..options.clone()
+            }),
         }
     }
 }
@@ -76,6 +88,7 @@ impl fmt::Display for Method {
             Self::Arap(options) => ("arap", options.to_string()),
             Self::Laplacian(options) => ("laplacian", options.to_string()),
             Self::RotationInvariant(options) => ("rotation-invariant", options.to_string()),
+            Self::DualLaplacian(options) => ("dual", options.to_string()),
         };
         f.write_str(name)?;
         if options.is_empty() { Ok(()) } else { write!(f, ":{options}") }
@@ -92,13 +105,14 @@ impl FromStr for Method {
             "arap" => Ok(Self::Arap(options.parse()?)),
             "laplacian" => Ok(Self::Laplacian(options.parse()?)),
             "rotation-invariant" => Ok(Self::RotationInvariant(options.parse()?)),
+            "dual" => Ok(Self::DualLaplacian(options.parse()?)),
             _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
     }
 }
 
 /// The names of the methods.
-const NAMES: &str = "arap, laplacian or rotation-invariant";
+const NAMES: &str = "arap, laplacian, rotation-invariant or dual";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {
@@ -167,4 +181,6 @@ pub struct SolveReport {
     pub energy_before: Option<f64>,
     /// The method's energy of the result; only where the stop rule needs it.
     pub energy_after: Option<f64>,
+    /// Iterations of the linear solver, of all solves together; only where that iterates.
+    pub solver_iterations: Option<u32>,
 }

@@ -6,9 +6,10 @@ use allocation_counter::measure;
 use common::{along_x, sheet, torus};
 use glam::DVec3;
 use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, Start};
+use pliant_deform::dual::DualLaplacian;
 use pliant_deform::laplacian::{Details, Laplacian, LaplacianOptions};
 use pliant_deform::rotation_invariant::RotationInvariant;
-use pliant_deform::{Deformer, Goals, Handle, Region, RotationInvariantOptions};
+use pliant_deform::{Deformer, DualLaplacianOptions, Goals, Handle, LinearSolver, Region, RotationInvariantOptions};
 use pliant_mesh::{FrameFit, Frames, Similarity, TriMesh, VertexSet};
 
 fn region(mesh: &TriMesh, soft: bool) -> Region {
@@ -29,13 +30,14 @@ fn solving_allocates_nothing_from_the_second_time_on() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
     for mesh in [sheet(16, 8), torus(90, 40)] {
         for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
-            for (iterations, tolerance, acceleration, start) in [
-                (2, None, Acceleration::None, Start::Pose),
-                (2, Some(1e-6), Acceleration::None, Start::Propagated),
-                (12, None, Acceleration::Anderson { window: 5 }, Start::Pose),
+            for (iterations, tolerance, acceleration, smoothness, start) in [
+                (2, None, Acceleration::None, 0.0, Start::Pose),
+                (2, Some(1e-6), Acceleration::None, 0.0, Start::Propagated),
+                (12, None, Acceleration::Anderson { window: 5 }, 0.0, Start::Pose),
+                (4, None, Acceleration::Anderson { window: 5 }, 0.01, Start::Pose),
             ] {
                 let basis = ArapOptions { energy, iterations, ..ArapOptions::default() };
-                let options = ArapOptions { tolerance, acceleration, start, ..basis };
+                let options = ArapOptions { smoothness, tolerance, acceleration, start, ..basis };
                 let mut arap = Arap::prepare(&options, &mesh, &region(&mesh, false)).expect("valid");
                 let mut pose = mesh.positions.clone();
                 for soft in [false, true] {
@@ -120,4 +122,27 @@ fn entering_the_pool_of_threads_allocates_rarely() {
         }
     });
     assert!(info.count_total <= 10, "{info:?}");
+}
+
+/// By each solver, from the second time on.
+#[test]
+fn the_dual_laplacian_allocates_nothing() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
+    for mesh in [sheet(16, 8), torus(60, 24)] {
+        for solver in [LinearSolver::Cholesky, LinearSolver::Pcg, LinearSolver::Pbcg] {
+            let options = DualLaplacianOptions { solver, iterations: 3, ..DualLaplacianOptions::default() };
+            let mut dual = DualLaplacian::prepare(&options, &mesh, &region(&mesh, true)).expect("valid");
+            let mut pose = mesh.positions.clone();
+            let all: Vec<Goals> = (0..3).map(goals).collect();
+            dual.solve(&all[0], &mut pose).expect("solvable");
+            let info = pool.install(|| {
+                measure(|| {
+                    for goals in &all {
+                        dual.solve(goals, &mut pose).expect("solvable");
+                    }
+                })
+            });
+            assert_eq!(info.count_total, 0, "{options:?}");
+        }
+    }
 }

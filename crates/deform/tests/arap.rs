@@ -458,6 +458,9 @@ fn options_are_checked_and_read() {
     for t in [f64::NAN, -1e-9, f64::INFINITY] {
         assert_eq!(refused(with_tolerance(t)), "tolerance");
     }
+    for smoothness in [-1.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(refused(ArapOptions { smoothness, ..ArapOptions::default() }), "smoothness");
+    }
     assert_eq!(refused(ArapOptions { iterations: 1_000_000_000, ..ArapOptions::default() }), "iterations");
     let other = Region::new(6, &VertexSet::all(6), region.handles()).expect("valid");
     assert!(matches!(Method::default().prepare(&mesh, &other), Err(DeformError::WrongCount { .. })));
@@ -484,6 +487,7 @@ fn methods_have_a_short_text_form() {
     let rich = ArapOptions {
         weights: EdgeWeightKind::Uniform,
         energy: ArapEnergy::Spokes,
+        smoothness: 0.01,
         iterations: 50,
         tolerance: Some(3.25e-7),
         acceleration: Acceleration::Anderson { window: 5 },
@@ -492,7 +496,7 @@ fn methods_have_a_short_text_form() {
     for (options, text) in [
         (ArapOptions::default(), "arap"),
         (ArapOptions::faithful(), "arap:uniform+spokes"),
-        (rich, "arap:uniform+spokes+iterations=50+tolerance=3.25e-7+anderson=5+propagated"),
+        (rich, "arap:uniform+spokes+smooth=0.01+iterations=50+tolerance=3.25e-7+anderson=5+propagated"),
     ] {
         let method = Method::Arap(options);
         assert_eq!(method.to_string(), text);

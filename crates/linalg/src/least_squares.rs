@@ -87,25 +87,44 @@ impl LeastSquares {
     /// error of the last factorisation.
     pub fn solve(&mut self, b: &[[f64; 3]], x: &mut [[f64; 3]]) -> Result<(), LinalgError> {
         self.state.clone()?;
-        let Self { normal, factor, residual, step, .. } = self;
-        normal.check_counts(b, x)?;
-        normal.clear(x);
+        self.normal.check_counts(b, x)?;
+        self.normal.clear(x);
         let mut last = f64::INFINITY;
         for _ in 0..=MOST_REFINEMENTS {
-            normal.residual(b, x, residual);
-            normal.gather(residual, step);
-            factor.solve_in_place(step).map_err(|error| normal.named(error))?;
-            let size = largest(step.iter().copied());
+            let size = self.find_step(b, x)?;
             // Where steps do not get smaller, the factor has no digit to give: what there is stays.
             if size > 0.5 * last {
                 break;
             }
-            normal.advance(x, [1.0; 3], step);
-            if size <= SETTLED * normal.size(x) {
+            self.normal.advance(x, [1.0; 3], &self.step);
+            if size <= SETTLED * self.normal.size(x) {
                 break;
             }
             last = size;
         }
         Ok(())
+    }
+
+    /// Goes from the free rows of `x`, as they are, to the solution in one step: as [`Self::solve`] with the first of its steps alone, and
+    /// so in a third of the time or less. For those who solve again and again for right-hand sides that change little: what is
+    /// left is a share of the way, some `1e-16` times the condition number of the normal equations.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    pub fn refine(&mut self, b: &[[f64; 3]], x: &mut [[f64; 3]]) -> Result<(), LinalgError> {
+        self.state.clone()?;
+        self.normal.check_counts(b, x)?;
+        self.find_step(b, x)?;
+        self.normal.advance(x, [1.0; 3], &self.step);
+        Ok(())
+    }
+
+    /// The step from `x` to the solution; returns its largest entry.
+    fn find_step(&mut self, b: &[[f64; 3]], x: &[[f64; 3]]) -> Result<f64, LinalgError> {
+        let Self { normal, factor, residual, step, .. } = self;
+        normal.residual(b, x, residual);
+        normal.gather(residual, step);
+        factor.solve_in_place(step).map_err(|error| normal.named(error))?;
+        Ok(largest(step.iter().copied()))
     }
 }

@@ -147,6 +147,28 @@ fn badly_conditioned_systems_are_refined() {
     }
 }
 
+/// From nearby, one step is as good as a solve; from anywhere it leaves a small share of the way.
+#[test]
+fn refining_is_one_step() {
+    let mut random = Random(8);
+    let a = random_rows(120, 70, &mut random);
+    let b = random.rows(120);
+    let mut solver = LeastSquares::new(a, |c| c != 3).expect("full rank");
+    let mut exact = vec![[0.25; 3]; 70];
+    solver.solve(&b, &mut exact).expect("solvable");
+    let size = exact.iter().flatten().fold(1.0f64, |m, x| m.max(x.abs()));
+    for far in [1e-6, 1.0, 1e6] {
+        let mut x = exact.clone();
+        for (c, x) in x.iter_mut().enumerate().filter(|(c, _)| *c != 3) {
+            *x = x.map(|x| x + far * (c as f64).sin());
+        }
+        solver.refine(&b, &mut x).expect("solvable");
+        // Condition numbers of the normal equations are below 1e6.
+        assert!(off(&x, &exact) <= 1e-12 * size + 1e-10 * far, "{far}: {:e}", off(&x, &exact));
+    }
+    assert!(matches!(solver.refine(&b[1..], &mut exact), Err(LinalgError::WrongCount { .. })));
+}
+
 /// A soft constraint is one more row: a stiff one meets its goal, a loose one leaves it where the other rows want it.
 #[test]
 fn a_soft_constraint_is_a_row() {

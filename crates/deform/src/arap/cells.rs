@@ -49,6 +49,8 @@ pub(super) struct Cells {
     pulls: Vec<Pull>,
     /// `c_jj / m` for each vertex of the region.
     own_pull: Vec<[f64; 3]>,
+    /// What the difference of rotations to each neighbour counts, see [`Shape::smoothing`]; empty if it does not.
+    smoothing: Vec<f64>,
 }
 
 impl Cells {
@@ -64,8 +66,10 @@ impl Cells {
             covariance: Vec::new(),
             pulls: Vec::new(),
             own_pull: Vec::new(),
+            smoothing: Vec::new(),
         };
         layout.fill_neighbours(shape, &slot);
+        layout.fill_smoothing(shape);
         match &shape.faces {
             None => layout.fill_spokes(shape),
             Some(faces) => layout.fill_spokes_and_rims(shape, &faces.values),
@@ -91,6 +95,12 @@ impl Cells {
         (&self.pulls[self.row(slot)], self.own_pull[slot])
     }
 
+    /// Parallel to [`Self::neighbours`]; empty if rotations are not smoothed.
+    #[inline(always)]
+    pub(super) fn smoothing(&self, cell: usize) -> &[f64] {
+        self.smoothing.get(self.row(cell)).unwrap_or_default()
+    }
+
     #[inline(always)]
     fn row(&self, cell: usize) -> std::ops::Range<usize> {
         self.offsets[cell] as usize..self.offsets[cell + 1] as usize
@@ -103,6 +113,13 @@ impl Cells {
         for &v in vertices {
             self.neighbours.extend(topology.neighbours(v as usize).iter().map(|&j| slot[j as usize]));
             self.offsets.push(self.neighbours.len() as u32);
+        }
+    }
+
+    fn fill_smoothing(&mut self, shape: &Shape) {
+        if shape.smoothing > 0.0 {
+            let edges = self.vertices[..self.cells].iter().flat_map(|&v| shape.topology().neighbour_edges(v as usize));
+            self.smoothing = edges.map(|&e| shape.smoothing * shape.edges[e as usize]).collect();
         }
     }
 

@@ -13,6 +13,7 @@ use super::carried::Carried;
 use super::cells::{Cells, Term};
 use super::roles::Roles;
 use super::shape::Shape;
+use super::smooth::Smoother;
 use super::steps::{Columns, ENERGY_CHUNK, Row, energy, fit_rotations, move_unknowns, point, row, spring_energy};
 use super::{Acceleration, ArapOptions, Start};
 use crate::fit::Fit;
@@ -21,6 +22,10 @@ use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, St
 
 /// Energy, per unit of weight and with a diagonal of 1, that is nothing but rounding.
 const ROUNDING_ENERGY: f64 = 1e-29;
+
+/// Smoothed rotations of a pose are settled where a local step lowers the energy by no more than this share of it, or after so many.
+const SETTLED: f64 = 1e-9;
+const MOST_SWEEPS: u32 = 1000;
 
 /// A prepared as-rigid-as-possible edit.
 ///
@@ -45,6 +50,8 @@ struct Edit {
     anderson: Option<Anderson>,
     /// If they start from the turns of the handles.
     carried: Option<Carried>,
+    /// If rotations are smoothed.
+    smoother: Option<Smoother>,
     /// Edges of the energy; only if it has been asked for.
     terms: Option<Vec<Term>>,
     /// In the frame, by slot.
@@ -90,15 +97,15 @@ impl Arap {
     /// It is the sum, over the cells of free vertices and their neighbours, of `w |e' - R e|^2` (Borosan et al. 2010,
     /// Eq. 1), and over the vertices of soft handles of `m k |p' - goal|^2`, with `k` the handle's weight times the
     /// mean diagonal entry of the matrix and `m` the number of cells that count an edge (2 for spokes, 3 for spokes
-    /// and rims). Hard handles are taken where the pose has them.
+    /// and rims). Hard handles are taken where the pose has them. With smooth rotations, `alpha A w |R - R'|^2` is added for each of those
+    /// cells and each neighbour that is one, and the rotations are as good as local steps alone make them.
     ///
     /// # Errors
     /// As [`Deformer::solve`].
     pub fn energy(&mut self, goals: &Goals, positions: &[DVec3]) -> Result<f64, DeformError> {
         self.edit.prepare_energy(&self.shape);
         self.edit.read(&self.shape.frame, goals, positions)?;
-        self.edit.fit_rotations();
-        Ok(self.edit.current_energy(self.shape.multiplicity()) * self.shape.frame.energy_unit())
+        Ok(self.edit.settled_energy(self.shape.multiplicity()) * self.shape.frame.energy_unit())
     }
 
     /// Guess and iterations. The local step of iteration `k + 1` also tells the energy after iteration `k`.
@@ -193,10 +200,12 @@ impl Edit {
         scratch.fit(&roles);
         let anderson = anderson(options, &roles);
         let is_accelerated = anderson.is_some();
+        let smoother = smoother(shape, &cells, &roles);
         let region = region.clone();
         let times = StepTimes::default();
         let carried = carried(options, &cells, &roles);
-        let mut edit = Self { region, cells, roles, factor, anderson, carried, terms: None, rest, scratch, times };
+        let mut edit =
+            Self { region, cells, roles, factor, anderson, carried, smoother, terms: None, rest, scratch, times };
         if options.tolerance.is_some() || is_accelerated {
             edit.prepare_energy(shape);
         }
@@ -222,7 +231,8 @@ impl Edit {
         }
         self.scratch.fit(&roles);
         self.anderson = anderson(options, &roles);
-        self.carried = carried(options, &self.cells, &roles);
+        self.carried = carried(options, cells, &roles);
+        self.smoother = smoother(shape, cells, &roles);
         self.roles = roles;
         self.region = region.clone();
         Ok(())
@@ -300,7 +310,7 @@ impl Edit {
             self.carry_rotations()?;
         } else {
             self.follow_constraints();
-            self.fit_rotations();
+            self.start_rotations();
         }
         let Scratch { pose, goals, .. } = &mut self.scratch;
         for (&slot, goal) in self.roles.held.iter().zip(goals) {
@@ -343,10 +353,25 @@ impl Edit {
         turned
     }
 
-    fn fit_rotations(&mut self) {
-        let Self { cells, roles, scratch, times, .. } = self;
+    /// Rotations that depend on the pose alone.
+    fn start_rotations(&mut self) {
+        let Self { cells, roles, smoother, scratch, times, .. } = self;
         let start = Instant::now();
         fit_rotations(cells, roles, &scratch.pose, &mut scratch.rotations);
+        times.local += start.elapsed();
+        if smoother.is_some() {
+            self.fit_rotations();
+        }
+    }
+
+    /// The local step, from the current rotations where these are smoothed.
+    fn fit_rotations(&mut self) {
+        let Self { cells, roles, smoother, scratch, times, .. } = self;
+        let start = Instant::now();
+        match smoother {
+            None => fit_rotations(cells, roles, &scratch.pose, &mut scratch.rotations),
+            Some(smoother) => smoother.sweep(cells, roles, &scratch.pose, &mut scratch.rotations),
+        }
         times.local += start.elapsed();
     }
 
@@ -376,6 +401,22 @@ impl Edit {
         }
     }
 
+    /// The energy of the current pose with its best rotations.
+    fn settled_energy(&mut self, multiplicity: f64) -> f64 {
+        self.start_rotations();
+        let mut energy = self.current_energy(multiplicity);
+        if self.smoother.is_some() {
+            for _ in 0..MOST_SWEEPS {
+                self.fit_rotations();
+                let last = std::mem::replace(&mut energy, self.current_energy(multiplicity));
+                if last - energy <= SETTLED * last {
+                    break;
+                }
+            }
+        }
+        energy
+    }
+
     /// The current energy, after a local step. If it has risen above `last` by an acceleration, that is taken back.
     fn safe_energy(&mut self, last: f64, multiplicity: f64) -> f64 {
         let now = self.current_energy(multiplicity);
@@ -388,10 +429,14 @@ impl Edit {
 
     /// Takes back an acceleration; whether there was one.
     fn go_back(&mut self) -> bool {
-        let Self { roles, anderson, scratch, .. } = self;
+        let Self { roles, anderson, smoother, scratch, .. } = self;
         let Some(anderson) = anderson.as_mut().filter(|anderson| anderson.has_mixed()) else { return false };
         for (&slot, &end) in roles.unknowns.as_slice().iter().zip(anderson.end()) {
             scratch.pose[slot as usize] = end;
+        }
+        // Those that the step to `end` was made with, so that the next fit cannot be worse.
+        if let Some(smoother) = smoother {
+            smoother.undo(&mut scratch.rotations);
         }
         anderson.forget();
         true
@@ -399,10 +444,12 @@ impl Edit {
 
     /// The energy of the current pose and rotations, in the frame.
     fn current_energy(&mut self, multiplicity: f64) -> f64 {
-        let Self { roles, terms, rest, scratch, .. } = self;
+        let Self { cells, roles, smoother, terms, rest, scratch, .. } = self;
         let Scratch { pose, draws, rotations, energy: partial, .. } = scratch;
+        let smooth = smoother.as_ref().map_or(0.0, |smoother| smoother.energy(cells, roles, rotations));
         energy(terms.as_deref().unwrap_or_default(), roles, rest, pose, rotations, partial)
             + multiplicity * spring_energy(&roles.springs, draws, pose)
+            + smooth
     }
 }
 
@@ -413,6 +460,10 @@ impl Scratch {
         self.draws.resize(roles.springs.len(), Row::default());
         self.landed.resize(roles.led.len(), DVec3::ZERO);
     }
+}
+
+fn smoother(shape: &Shape, cells: &Cells, roles: &Roles) -> Option<Smoother> {
+    (shape.smoothing > 0.0).then(|| Smoother::new(cells, roles))
 }
 
 fn carried(options: &ArapOptions, cells: &Cells, roles: &Roles) -> Option<Carried> {

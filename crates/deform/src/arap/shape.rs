@@ -1,7 +1,7 @@
 //! What depends on the rest shape and the options alone.
 
 use glam::DVec3;
-use pliant_mesh::{Topology, TriMesh};
+use pliant_mesh::{Topology, TriMesh, face_area_vector};
 
 use super::{ArapEnergy, ArapOptions};
 use crate::DeformError;
@@ -21,6 +21,8 @@ pub(super) struct Shape {
     pub(super) faces: Option<FaceWeights>,
     /// Weights that had to be changed.
     pub(super) clamped: usize,
+    /// `2 alpha A` of smooth rotations, in the frame; 0 if rotations are not smoothed.
+    pub(super) smoothing: f64,
 }
 
 impl Shape {
@@ -38,7 +40,9 @@ impl Shape {
                 (edge_sums(inner.topology(), &weights.values), Some(weights), clamped)
             }
         };
-        Ok(Self { rest: rest.clone(), frame, inner: inner.positions, edges, faces, clamped })
+        let area: f64 = (0..inner.face_count()).map(|face| face_area_vector(inner.corners(face)).length()).sum();
+        let smoothing = 2.0 * options.smoothness * area;
+        Ok(Self { rest: rest.clone(), frame, inner: inner.positions, edges, faces, clamped, smoothing })
     }
 
     pub(super) fn topology(&self) -> &Topology {

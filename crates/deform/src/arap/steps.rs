@@ -53,26 +53,33 @@ impl WithSimd for FitCells<'_> {
         let mut batch = RotationBatch::default();
         for slots in slots.chunks(LANES) {
             for (lane, &slot) in slots.iter().enumerate() {
-                let i = slot as usize;
-                let centre = pose[i];
-                let mut s = [[0.0; 4]; 3];
-                for (&j, c) in cells.neighbours(i).iter().zip(cells.covariance(i)) {
-                    let edge = subtract(pose[j as usize], centre);
-                    for (column, &c) in s.iter_mut().zip(c) {
-                        add(column, edge, c);
-                    }
-                }
-                let [x, y, z] = s;
-                batch.set(lane, &[[x[0], x[1], x[2]], [y[0], y[1], y[2]], [z[0], z[1], z[2]]]);
+                batch.set(lane, &covariance(cells, slot as usize, pose).map(|[x, y, z, _]| [x, y, z]));
             }
             batch.fit(slots.len());
             for (lane, &slot) in slots.iter().enumerate() {
-                let [x, y, z] = batch.get(lane);
-                rotations[slot as usize - first] =
-                    [[x[0], x[1], x[2], 0.0], [y[0], y[1], y[2], 0.0], [z[0], z[1], z[2], 0.0]];
+                rotations[slot as usize - first] = padded(batch.get(lane));
             }
         }
     }
+}
+
+/// `S_i` of a cell, by columns.
+#[inline(always)]
+pub(super) fn covariance(cells: &Cells, i: usize, pose: &[Row]) -> Columns {
+    let centre = pose[i];
+    let mut s = Columns::default();
+    for (&j, c) in cells.neighbours(i).iter().zip(cells.covariance(i)) {
+        let edge = subtract(pose[j as usize], centre);
+        for (column, &c) in s.iter_mut().zip(c) {
+            add(column, edge, c);
+        }
+    }
+    s
+}
+
+#[inline(always)]
+pub(super) fn padded(columns: [[f64; 3]; 3]) -> Columns {
+    columns.map(|[x, y, z]| [x, y, z, 0.0])
 }
 
 #[inline(always)]
@@ -82,7 +89,7 @@ fn subtract(a: Row, b: Row) -> Row {
 
 /// `sum += factor * x`.
 #[inline(always)]
-fn add(sum: &mut Row, x: Row, factor: f64) {
+pub(super) fn add(sum: &mut Row, x: Row, factor: f64) {
     for (sum, x) in sum.iter_mut().zip(x) {
         *sum += factor * x;
     }
