@@ -194,11 +194,11 @@ fn dense(mesh: &TriMesh, region: &Region, goals: &Goals, weights: EdgeWeightKind
         }
     }
     for k in 0..unknowns.len() {
-        for r in k + 1..unknowns.len() {
-            let factor = matrix[r][k] / matrix[k][k];
-            for c in k..unknowns.len() {
-                matrix[r][c] -= factor * matrix[k][c];
-            }
+        let (pivot, below) = matrix.split_at_mut(k + 1);
+        let pivot = &pivot[k];
+        for (row, r) in below.iter_mut().zip(k + 1..) {
+            let factor = row[k] / pivot[k];
+            row.iter_mut().zip(pivot).for_each(|(x, p)| *x -= factor * p);
             rhs[r] = rhs[r] - factor * rhs[k];
         }
     }
