@@ -93,6 +93,22 @@ fn common_motions_are_reproduced_as_the_docs_say() {
     }
 }
 
+/// The solution is that of the goals, from whatever pose a drag comes.
+#[test]
+fn the_pose_of_what_is_solved_for_does_not_matter() {
+    for (name, mesh) in samples() {
+        let region = two_ends(&mesh);
+        for options in variants() {
+            let mut laplacian = prepare(&options, &mesh, &region);
+            let mut pose = mesh.positions.clone();
+            for angle in [0.3, 2.0, 0.8] {
+                laplacian.solve(&bend(&mesh, angle), &mut pose).expect("solvable");
+            }
+            assert_eq!(pose, solve(&options, &mesh, &region, &bend(&mesh, 0.8)), "{name}, {options}");
+        }
+    }
+}
+
 /// What was moved by an earlier edit and is now fixed counts as it stands.
 #[test]
 fn a_fixed_part_that_stands_elsewhere_is_followed() {
