@@ -7,9 +7,7 @@ use std::f64::consts::PI;
 use common::{along_x, bar, distance, pyramid, sheet, torus, twist};
 use glam::DVec3;
 use pliant_deform::laplacian::{Details, Laplacian, LaplacianOptions};
-use pliant_deform::{
-    Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle, HandleFault, Method, Region, Role,
-};
+use pliant_deform::{Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle, HandleFault, Region, Role};
 use pliant_mesh::metrics::edge_errors;
 use pliant_mesh::{Similarity, TriMesh, VertexSet, mixed_voronoi_areas, shapes};
 
@@ -91,6 +89,22 @@ fn common_motions_are_reproduced_as_the_docs_say() {
                 let shows = matches!(name, "torus" | "bar");
                 assert!(exact || !shows || off > 1e-3, "{name}, {options}, angle {angle}, scale {scale}: {off:e}");
             }
+        }
+    }
+}
+
+/// The solution is that of the goals, from whatever pose a drag comes.
+#[test]
+fn the_pose_of_what_is_solved_for_does_not_matter() {
+    for (name, mesh) in samples() {
+        let region = two_ends(&mesh);
+        for options in variants() {
+            let mut laplacian = prepare(&options, &mesh, &region);
+            let mut pose = mesh.positions.clone();
+            for angle in [0.3, 2.0, 0.8] {
+                laplacian.solve(&bend(&mesh, angle), &mut pose).expect("solvable");
+            }
+            assert_eq!(pose, solve(&options, &mesh, &region, &bend(&mesh, 0.8)), "{name}, {options}");
         }
     }
 }
@@ -194,12 +208,11 @@ fn dense(mesh: &TriMesh, region: &Region, goals: &Goals, weights: EdgeWeightKind
         }
     }
     for k in 0..unknowns.len() {
-        for r in k + 1..unknowns.len() {
-            let factor = matrix[r][k] / matrix[k][k];
-            let (upper, lower) = matrix.split_at_mut(r);
-            for (entry, pivot) in lower[0][k..].iter_mut().zip(&upper[k][k..]) {
-                *entry -= factor * pivot;
-            }
+        let (pivot, below) = matrix.split_at_mut(k + 1);
+        let pivot = &pivot[k];
+        for (row, r) in below.iter_mut().zip(k + 1..) {
+            let factor = row[k] / pivot[k];
+            row.iter_mut().zip(pivot).for_each(|(x, p)| *x -= factor * p);
             rhs[r] = rhs[r] - factor * rhs[k];
         }
     }
@@ -427,20 +440,27 @@ fn errors_leave_the_pose_alone() {
     }
 }
 
+/// Regions that leave nothing to solve for, or only vertices without faces.
 #[test]
-fn options_are_read_and_printed() {
+fn what_has_no_equations_goes_to_its_goals() {
+    let one = pyramid();
+    let mut positions = one.positions.clone();
+    positions.push(DVec3::new(3.0, 0.0, 1.0));
+    let mesh = TriMesh::new(positions, one.triangles().to_vec()).expect("valid");
+    let set = |vertices: &[u32]| vertices.iter().copied().collect::<VertexSet>();
+    let grow = Similarity::about(DVec3::ONE, DVec3::X, 0.3, 2.0);
+    let all_hard = Region::new(6, &VertexSet::all(6), &[Handle::hard(VertexSet::all(6))]).expect("valid");
+    let all_soft = Region::new(6, &VertexSet::all(6), &[Handle::soft(VertexSet::all(6), 1e9)]).expect("valid");
+    let lone = Region::new(6, &set(&[5]), &[Handle::soft(set(&[5]), 1e-9)]).expect("valid");
+    let (nothing, left_out) = Region::new(6, &set(&[5]), &[]).expect("valid").without_unconstrained(mesh.topology());
+    assert_eq!(left_out, 1);
     for options in variants() {
-        let method = Method::Laplacian(options);
-        assert_eq!(method.to_string().parse(), Ok(method.clone()));
-        let text = serde_json::to_string(&method).expect("plain data");
-        assert_eq!(serde_json::from_str::<Method>(&text).expect("own text"), method);
-        assert_eq!(method.with_iterations(7).until_converged(1e-3, 9), method);
+        for (region, moved) in [(&all_hard, 0..6), (&all_soft, 0..6), (&lone, 5..6), (&nothing, 0..0)] {
+            let pose = solve(&options, &mesh, region, &Goals::new(vec![grow; region.handles().len()]));
+            for (v, (pose, rest)) in pose.iter().zip(&mesh.positions).enumerate() {
+                let expected = if moved.contains(&v) { grow.apply(*rest) } else { *rest };
+                assert!(pose.distance(expected) < 1e-7, "{options}, {moved:?}, vertex {v}: {pose}");
+            }
+        }
     }
-    let named = "laplacian:uniform+two-step".parse();
-    let expected = LaplacianOptions { weights: EdgeWeightKind::Uniform, details: Details::TwoStep };
-    assert_eq!(named, Ok(Method::Laplacian(expected)));
-    assert_eq!(Method::Laplacian(LaplacianOptions::default()).to_string(), "laplacian");
-    let error = "laplacian:twostep".parse::<Method>().expect_err("unknown").to_string();
-    assert!(error.contains("two-step") && error.contains("'twostep'"), "{error}");
-    assert!(serde_json::from_str::<Method>(r#"{"laplacian": {"detail": "plain"}}"#).is_err());
 }

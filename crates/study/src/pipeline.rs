@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_cage::{BindOptions, Binding, CageError, CageSize, Propagation, Propagator, Simplified, simplify};
-use pliant_deform::{DeformError, Deformer, Handle, Method, Region};
+use pliant_deform::{ArapOptions, DeformError, Deformer, Handle, Method, Region};
 use pliant_mesh::metrics::{edge_errors, largest_free_stretch};
 use pliant_mesh::{FrameFit, TriMesh, VertexSet};
 use pliant_session::{Levels, NoRoom, carry_region};
@@ -380,7 +380,8 @@ impl<'a> Study<'a> {
         let drag_ms = if last.is_some() { times.iter().sum() } else { median(times) };
         Ok(Dragged {
             pose,
-            method: method.to_string(),
+            // Iterations are the schedule's, which rows tell apart.
+            method: method.with_iterations(ArapOptions::default().iterations).to_string(),
             schedule: Schedule { steps, ..schedule },
             prepare_ms,
             drag_ms,

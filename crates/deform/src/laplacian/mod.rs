@@ -18,7 +18,8 @@
 //! `L^T M^-1 L`, which approximates the integral of the squared Laplacian, where `(M^-1 L)^T (M^-1 L)` would weigh a vertex by the inverse
 //! square of its area and depend on how the surface is triangulated.
 //!
-//! Coordinates do not change when the shape is moved, but turn when it is turned; [`Details`] says what `T_i` is.
+//! Coordinates do not change when the shape is moved, but turn when it is turned; [`Details`] says what `T_i` is. A solution depends on the
+//! goals and on where the pose has what is fixed, and not on where it has the rest.
 
 mod coupled;
 mod deformer;
@@ -38,7 +39,8 @@ pub use deformer::Laplacian;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Details {
-    /// They stay as they are, `T_i = 1`. Exact for a common translation of all that is held; turned handles shear the details.
+    /// They stay as they are, `T_i = 1`. Exact for a common translation of all that is held; turned handles shear the details, and by half a
+    /// turn the region between them collapses.
     #[default]
     Plain,
     /// A first solution with `T_i` the rigid motion that fits the constraints tells how each vertex turns, by the best rotation of its
@@ -47,8 +49,8 @@ pub enum Details {
     TwoStep,
     /// `T_i` is itself an unknown, `s_i + h_i x`, which fits the edges of the vertex best and is linear in the new positions (Sorkine et
     /// al. 2004): one system couples all three coordinates. For large turns this is no rotation; the shape is therefore
-    /// moved by the similarity that fits the constraints before, which they do not do. Exact for a common similarity. Costs about nine
-    /// times the memory and twenty times the time to prepare.
+    /// moved by the similarity that fits the constraints before, which they do not do. Exact for a common similarity. Parts may
+    /// grow and shrink, so that angles are kept better than lengths. Costs about nine times the memory and ten times the time.
     Similarity,
     /// `T_i` are the turns and scales of the handles, carried over the region by harmonic fields (Zayer et al. 2005): rotation
     /// vectors and logarithms of scales are interpolated, so that turns of any angle are followed
