@@ -30,10 +30,20 @@ pub enum DeformError {
         "nothing is held: every vertex is free, so the shape could be anywhere (add a handle or leave vertices out of the region of interest)"
     )]
     NoConstraint,
+    /// Some vertices of the region are free, and no path along edges within the region joins them to anything held.
+    #[error(
+        "vertex {vertex} and {} more of the region of interest are joined to nothing held, so they could be anywhere (add a handle on their part or leave it out of the region)", count - 1
+    )]
+    Unconstrained {
+        /// The first of them.
+        vertex: u32,
+        /// How many there are.
+        count: usize,
+    },
     /// Something has not one entry per vertex or handle.
     #[error("{found} {what} given where {expected} are needed")]
     WrongCount {
-        /// "positions", "goals" or "vertices of the region".
+        /// "positions", "goals", "turns" or "vertices of the region".
         what: &'static str,
         /// How many are needed.
         expected: usize,
@@ -126,5 +136,15 @@ impl DeformError {
     /// The fault of a handle.
     pub(crate) fn handle(handle: usize, fault: HandleFault) -> Self {
         Self::Handle { handle, fault }
+    }
+
+    /// What an error of the equations means; `vertices` has the vertex of each unknown.
+    pub(crate) fn of_system(error: LinalgError, vertices: &[u32]) -> Self {
+        let vertex = |unknown: usize| vertices.get(unknown).copied().unwrap_or(u32::MAX);
+        match error {
+            LinalgError::SolutionNotFinite { unknown } => Self::ResultNotFinite { vertex: vertex(unknown) },
+            LinalgError::NotPositiveDefinite { unknown } => Self::Singular { vertex: vertex(unknown) },
+            other => Self::TooLarge(other),
+        }
     }
 }

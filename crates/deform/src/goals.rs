@@ -1,4 +1,4 @@
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use pliant_mesh::Similarity;
 
 use crate::error::HandleFault;
@@ -12,35 +12,62 @@ use crate::{DeformError, Region};
 pub struct Goals {
     /// One per handle.
     pub transforms: Vec<Similarity>,
+    /// Rotation vectors, one per handle or none at all.
+    turns: Vec<DVec3>,
 }
+
+/// How far the rotation of a turn may be from that of its transform, as `1 - |p . q|` of the quaternions: some 0.003 degrees.
+const SAME_ROTATION: f64 = 1e-9;
 
 impl Goals {
     /// The goals with these transforms.
     pub fn new(transforms: Vec<Similarity>) -> Self {
-        Self { transforms }
+        Self { transforms, turns: Vec::new() }
+    }
+
+    /// The goals with these transforms, reached by these turns.
+    ///
+    /// A rotation does not tell how it was come by: a turn by 400 degrees is the same map as one by 40. `turns` has a
+    /// rotation vector for each handle, the axis times the angle in radians by the right-hand rule, of any length (`4 pi` for two full
+    /// turns), whose rotation is that of the transform. Methods that carry rotations over the region follow it, and the others
+    /// do not look at it. [`Self::new`] takes the shortest turns.
+    pub fn with_turns(transforms: Vec<Similarity>, turns: Vec<DVec3>) -> Self {
+        Self { transforms, turns }
     }
 
     /// Goals that leave `handles` handles at rest.
     pub fn identity(handles: usize) -> Self {
-        Self { transforms: vec![Similarity::IDENTITY; handles] }
+        Self::new(vec![Similarity::IDENTITY; handles])
     }
 
     /// Whether there is one usable transform for each handle of `region`.
     ///
     /// # Errors
     /// [`DeformError::WrongCount`], or [`DeformError::Handle`] with [`HandleFault::Goal`] for the first handle whose
-    /// goal is not finite, has a scale that is not positive or a rotation that is not a unit quaternion.
+    /// goal is not finite, has a scale that is not positive, a rotation that is not a unit quaternion or a turn with another rotation.
     pub fn check(&self, region: &Region) -> Result<(), DeformError> {
         let (expected, found) = (region.handles().len(), self.transforms.len());
         if expected != found {
             return Err(DeformError::WrongCount { what: "goals", expected, found });
         }
+        if !self.turns.is_empty() && self.turns.len() != expected {
+            return Err(DeformError::WrongCount { what: "turns", expected, found: self.turns.len() });
+        }
         for (handle, transform) in self.transforms.iter().enumerate() {
-            if let Some(reason) = fault(transform) {
+            let turn = self.turns.get(handle);
+            if let Some(reason) = fault(transform).or_else(|| turn_fault(transform, *turn?)) {
                 return Err(DeformError::handle(handle, HandleFault::Goal { reason }));
             }
         }
         Ok(())
+    }
+
+    /// The turn of a handle as a rotation vector, the axis times the angle in radians; the shortest one where none was given.
+    pub fn turn(&self, handle: usize) -> DVec3 {
+        match self.turns.get(handle) {
+            Some(&turn) => turn,
+            None => shortest_turn(self.transforms[handle].rotation),
+        }
     }
 
     /// Where a vertex of a handle goes from its rest position.
@@ -63,9 +90,26 @@ fn fault(transform: &Similarity) -> Option<&'static str> {
     }
 }
 
+fn turn_fault(transform: &Similarity, turn: DVec3) -> Option<&'static str> {
+    let overlap = DQuat::from_scaled_axis(turn).dot(transform.rotation) / transform.rotation.length();
+    // Written so that NaN is at fault.
+    let same = 1.0 - overlap.abs() <= SAME_ROTATION;
+    (!same).then_some("its turn has another rotation than its transform")
+}
+
+/// The rotation vector of at most half a turn; of two half turns the one that the quaternion says.
+pub(crate) fn shortest_turn(rotation: DQuat) -> DVec3 {
+    let q = if rotation.w < 0.0 { -rotation } else { rotation };
+    let sine = q.xyz().length();
+    // The angle is 2 atan(sine / w); for small ones 2 sine / w.
+    let factor = if sine > 1e-9 { 2.0 * sine.atan2(q.w) / sine } else { 2.0 };
+    q.xyz() * factor
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::DQuat;
+    use std::f64::consts::{PI, TAU};
+
     use pliant_mesh::VertexSet;
 
     use super::*;
@@ -91,5 +135,30 @@ mod tests {
             let error = Goals::new(vec![id, bad]).check(&region).expect_err("not a similarity").to_string();
             assert!(error.contains("handle 1") && error.contains(word), "{error}");
         }
+    }
+    #[test]
+    fn turns_agree_with_their_transforms() {
+        let region = Region::new(2, &VertexSet::all(2), &[Handle::hard(VertexSet::from_iter([0]))]).expect("valid");
+        let axis = DVec3::new(2.0, -1.0, 2.0) / 3.0;
+        for angle in [0.0, 1e-12, 0.5, PI - 1e-9, PI, 4.0, -5.0, 2.0 * TAU, 100.0] {
+            let transform = Similarity::about(DVec3::ONE, axis, angle, 2.0);
+            let goals = Goals::with_turns(vec![transform], vec![axis * angle]);
+            assert_eq!(goals.check(&region), Ok(()));
+            assert_eq!(goals.turn(0), axis * angle);
+            let shortest = Goals::new(vec![transform]).turn(0);
+            assert!(shortest.length() <= PI + 1e-12);
+            let same = DQuat::from_scaled_axis(shortest).dot(transform.rotation).abs();
+            assert!((same - 1.0).abs() < 1e-14);
+            // The difference is a number of full turns about the same axis.
+            let rounds = (axis * angle - shortest).length() / TAU;
+            assert!((rounds - rounds.round()).abs() < 1e-9 || (shortest.length() - PI).abs() < 1e-6);
+        }
+        let turned = Similarity::about(DVec3::ONE, axis, 1.0, 1.0);
+        for wrong in [DVec3::ZERO, axis * 1.02, axis * (1.0 + PI), -axis, DVec3::NAN, axis * f64::INFINITY, axis * 1e300] {
+            let error = Goals::with_turns(vec![turned], vec![wrong]).check(&region).expect_err("another rotation");
+            assert!(error.to_string().contains("turn"), "{wrong}: {error}");
+        }
+        let error = Goals::with_turns(vec![turned], vec![axis; 3]).check(&region);
+        assert_eq!(error, Err(DeformError::WrongCount { what: "turns", expected: 1, found: 3 }));
     }
 }

@@ -38,9 +38,11 @@
 
 pub mod arap;
 mod error;
+mod frame;
 mod goals;
 mod method;
 mod operators;
+mod patch;
 mod region;
 
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};

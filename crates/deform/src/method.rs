@@ -28,7 +28,8 @@ impl Method {
     ///
     /// # Errors
     /// [`DeformError::BadOption`], [`DeformError::WrongCount`] if the region was made for another mesh,
-    /// [`DeformError::Mesh`] for a rest shape that is not finite, [`DeformError::Singular`], [`DeformError::TooLarge`].
+    /// [`DeformError::Mesh`] for a rest shape that is not finite, [`DeformError::Unconstrained`], [`DeformError::Singular`],
+    /// [`DeformError::TooLarge`].
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
@@ -125,9 +126,6 @@ pub struct StepTimes {
 pub struct PrepareReport {
     /// Vertices solved for: free ones and those of soft handles.
     pub unknowns: usize,
-    /// Vertices of the region of interest that no path along edges joins to anything held, unused ones included. They
-    /// stay in the incoming pose.
-    pub unconstrained: usize,
     /// Edge weights that had to be changed to keep the equations well-behaved.
     pub clamped_weights: usize,
     /// Numbers stored for solving.
@@ -145,6 +143,4 @@ pub struct SolveReport {
     pub energy_before: Option<f64>,
     /// The method's energy of the result; only where the stop rule needs it.
     pub energy_after: Option<f64>,
-    /// Vertices held in the incoming pose because nothing constrains them ([`PrepareReport::unconstrained`]).
-    pub unconstrained: usize,
 }

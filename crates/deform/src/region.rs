@@ -1,4 +1,4 @@
-use pliant_mesh::VertexSet;
+use pliant_mesh::{Topology, VertexSet};
 use serde::{Deserialize, Serialize};
 
 use crate::error::HandleFault;
@@ -108,6 +108,62 @@ impl Region {
         }
     }
 
+    /// The region of interest, increasing.
+    pub(crate) fn roi(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..).zip(&self.roles).filter(|(_, role)| **role != Role::Fixed).map(|(vertex, _)| vertex)
+    }
+
+    /// The region without the free vertices that no path along edges within the region joins to anything held, and
+    /// how many those are.
+    ///
+    /// Nothing says where they should be, and no method is prepared for a region that has them
+    /// ([`DeformError::Unconstrained`]). In the region returned they are fixed: they stay where the pose has them. Costs one walk over
+    /// the edges. A region of another mesh is returned as it is, for a method to refuse.
+    #[must_use]
+    pub fn without_unconstrained(&self, topology: &Topology) -> (Self, usize) {
+        if topology.vertex_count() != self.vertex_count() {
+            return (self.clone(), 0);
+        }
+        let unconstrained = self.unconstrained(topology);
+        let mut region = self.clone();
+        for &vertex in &unconstrained {
+            region.roles[vertex as usize] = Role::Fixed;
+        }
+        (region, unconstrained.len())
+    }
+
+    /// Refuses a region with vertices that nothing holds; `topology` has as many vertices as the region.
+    pub(crate) fn require_constrained(&self, topology: &Topology) -> Result<(), DeformError> {
+        let unconstrained = self.unconstrained(topology);
+        match unconstrained.first() {
+            Some(&vertex) => Err(DeformError::Unconstrained { vertex, count: unconstrained.len() }),
+            None => Ok(()),
+        }
+    }
+
+    /// Free vertices that no path along edges within the region joins to anything held, increasing.
+    ///
+    /// Weights of edges are positive, so a vertex is held if and only if edges between unknowns lead from it to a soft
+    /// handle or to a neighbour that is not solved for.
+    fn unconstrained(&self, topology: &Topology) -> Vec<u32> {
+        let is_soft = |v: usize| matches!(self.constraint(v), Some(Constraint::Soft(_)));
+        let is_unknown = |v: usize| self.roles[v] == Role::Free || is_soft(v);
+        let mut reached: Vec<bool> = (0..self.vertex_count())
+            .map(|v| {
+                !is_unknown(v) || is_soft(v) || topology.neighbours(v).iter().any(|&w| !is_unknown(w as usize))
+            })
+            .collect();
+        let mut stack: Vec<u32> = (0..).zip(&reached).filter(|(_, reached)| **reached).map(|(v, _)| v).collect();
+        while let Some(v) = stack.pop() {
+            for &w in topology.neighbours(v as usize) {
+                if !std::mem::replace(&mut reached[w as usize], true) {
+                    stack.push(w);
+                }
+            }
+        }
+        (0..).zip(&reached).filter(|(_, reached)| !**reached).map(|(v, _)| v).collect()
+    }
+
     /// Goals that leave every handle where it is.
     pub fn identity_goals(&self) -> Goals {
         Goals::identity(self.handles.len())
@@ -170,6 +226,29 @@ mod tests {
             assert_eq!(fault(Handle::soft(set(&[2]), weight)), HandleFault::Weight { weight });
         }
         assert!(matches!(fault(Handle::soft(set(&[2]), f64::NAN)), HandleFault::Weight { .. }));
+    }
+
+    /// Two triangles and a vertex without faces, of which only the second triangle is held.
+    #[test]
+    fn what_nothing_holds_is_named_and_can_be_left_out() {
+        let topology = Topology::new(7, vec![[0, 1, 2], [3, 4, 5]]).expect("valid");
+        for (roi, handles) in [
+            (set(&[0, 1, 2, 3, 4, 5, 6]), vec![Handle::hard(set(&[4]))]),
+            (set(&[0, 1, 2, 3, 4, 5, 6]), vec![Handle::soft(set(&[5]), 1.0)]),
+            (set(&[0, 1, 2, 3, 4, 6]), vec![]),
+        ] {
+            let region = Region::new(7, &roi, &handles).expect("valid");
+            let error = region.require_constrained(&topology);
+            assert_eq!(error, Err(DeformError::Unconstrained { vertex: 0, count: 4 }));
+            let (held, left_out) = region.without_unconstrained(&topology);
+            assert_eq!((left_out, held.handles()), (4, region.handles()));
+            assert_eq!(held.require_constrained(&topology), Ok(()));
+            for v in 0..7 {
+                let expected = if [0, 1, 2, 6].contains(&v) { Role::Fixed } else { region.roles()[v] };
+                assert_eq!(held.roles()[v], expected);
+            }
+            assert_eq!(held.without_unconstrained(&topology), (held.clone(), 0));
+        }
     }
 
     #[test]

@@ -5,22 +5,19 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_linalg::{Cholesky, LinalgError};
+use pliant_mesh::TriMesh;
 use pliant_mesh::threads::among_threads;
-use pliant_mesh::{MeshError, TriMesh};
 
 use super::anderson::Anderson;
 use super::cells::{Cells, Term};
 use super::roles::Roles;
-use super::shape::{Frame, Shape};
+use super::shape::Shape;
 use super::steps::{
     Columns, ENERGY_CHUNK, Row, energy, fit_rigid, fit_rotations, move_unknowns, point, row, spring_energy,
 };
 use super::{Acceleration, ArapOptions};
-use crate::error::HandleFault;
-use crate::{DeformError, Deformer, Goals, PrepareReport, Region, Role, SolveReport, StepTimes};
-
-/// Farthest goal, in diagonals of the rest shape: squares of it and their products must not overflow.
-const FARTHEST: f64 = 1e100;
+use crate::frame::{Frame, check_count, check_pose};
+use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, StepTimes};
 
 /// Energy, per unit of weight and with a diagonal of 1, that is nothing but rounding.
 const ROUNDING_ENERGY: f64 = 1e-29;
@@ -105,7 +102,7 @@ impl Arap {
     /// Guess and iterations. The local step of iteration `k + 1` also tells the energy after iteration `k`.
     fn iterate(&mut self) -> Result<SolveReport, LinalgError> {
         let Self { options, shape, edit } = self;
-        let mut report = SolveReport { unconstrained: edit.roles.unconstrained, ..SolveReport::default() };
+        let mut report = SolveReport::default();
         edit.times = StepTimes::default();
         edit.guess()?;
         let rounding = ROUNDING_ENERGY * edit.terms.iter().flatten().map(|t| t.weight.abs()).sum::<f64>();
@@ -143,7 +140,7 @@ impl Deformer for Arap {
     fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
         self.edit.read(&self.shape.frame, goals, positions)?;
         let report = among_threads(self.edit.cells.roi, || self.iterate());
-        let report = report.map_err(|error| named(error, &self.edit.cells))?;
+        let report = report.map_err(|error| DeformError::of_system(error, &self.edit.cells.vertices))?;
         self.edit.write(&self.shape.frame, positions)?;
         Ok(report)
     }
@@ -161,7 +158,6 @@ impl Deformer for Arap {
     fn prepared(&self) -> PrepareReport {
         PrepareReport {
             unknowns: self.edit.roles.unknowns.as_slice().len(),
-            unconstrained: self.edit.roles.unconstrained,
             clamped_weights: self.shape.clamped,
             factor_len: self.edit.factor.solve_len(),
         }
@@ -174,7 +170,8 @@ impl Deformer for Arap {
 
 impl Edit {
     fn new(options: &ArapOptions, shape: &Shape, region: &Region) -> Result<Self, DeformError> {
-        let roi: Vec<u32> = roi(region).collect();
+        region.require_constrained(shape.topology())?;
+        let roi: Vec<u32> = region.roi().collect();
         let cells = Cells::new(shape, &roi);
         let roles = Roles::new(shape, &cells, region);
         let factor = cells
@@ -183,7 +180,7 @@ impl Edit {
                 let free = |slot: usize| roles.unknowns.contains(slot);
                 Cholesky::of_block(Arc::new(pattern), cells.laplacian(&roles.diagonal), free)
             })
-            .map_err(|error| named(error, &cells))?;
+            .map_err(|error| DeformError::of_system(error, &cells.vertices))?;
         let rest = cells.vertices.iter().map(|&v| shape.inner[v as usize]).collect();
         let mut scratch = Scratch {
             pose: vec![Row::default(); cells.vertices.len()],
@@ -204,7 +201,7 @@ impl Edit {
     }
 
     fn has_same_roi(&self, region: &Region) -> bool {
-        roi(region).eq(self.cells.vertices[..self.cells.roi].iter().copied())
+        region.roi().eq(self.cells.vertices[..self.cells.roi].iter().copied())
     }
 
     /// Takes over the roles of a region with the same region of interest, or changes nothing.
@@ -213,11 +210,12 @@ impl Edit {
         let mut refactor = |roles: &Roles| {
             factor.refactor_block(cells.laplacian(&roles.diagonal), |slot| roles.unknowns.contains(slot))
         };
+        region.require_constrained(shape.topology())?;
         let roles = Roles::new(shape, cells, region);
         if let Err(error) = refactor(&roles) {
             // The old numbers once more: they made a factor before. If not, every solve will say so.
             let _ = refactor(&self.roles);
-            return Err(named(error, &self.cells));
+            return Err(DeformError::of_system(error, &self.cells.vertices));
         }
         self.scratch.fit(&roles);
         self.anderson = anderson(options, &roles);
@@ -235,10 +233,7 @@ impl Edit {
     /// Checks the input and brings pose and goals into the frame.
     fn read(&mut self, frame: &Frame, goals: &Goals, positions: &[DVec3]) -> Result<(), DeformError> {
         goals.check(&self.region)?;
-        check_count("positions", self.region.vertex_count(), positions.len())?;
-        if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
-            return Err(MeshError::NotFinite { vertex }.into());
-        }
+        check_pose(self.region.vertex_count(), positions)?;
         let Self { cells, roles, scratch, .. } = self;
         let enter = |slot: u32| row(frame.enter(positions[cells.vertices[slot as usize] as usize]));
         for &slot in roles.unknowns.as_slice() {
@@ -250,7 +245,7 @@ impl Edit {
         }
         for (led, landed) in roles.led.iter().zip(&mut scratch.landed) {
             *landed = goals.apply(led.handle, led.rest);
-            let inner = within_reach(frame, *landed, led.handle, led.vertex)?;
+            let inner = frame.enter_goal(*landed, led.handle, led.vertex)?;
             if let Some(goal) = scratch.goals.get_mut(led.held as usize) {
                 *goal = row(inner);
             }
@@ -258,7 +253,7 @@ impl Edit {
         for (spring, draw) in roles.springs.iter().zip(&mut scratch.draws) {
             let vertex = cells.vertices[spring.slot as usize];
             let goal = goals.apply(spring.handle, spring.rest);
-            *draw = row(within_reach(frame, goal, spring.handle, vertex)?);
+            *draw = row(frame.enter_goal(goal, spring.handle, vertex)?);
         }
         Ok(())
     }
@@ -402,36 +397,6 @@ fn anderson(options: &ArapOptions, roles: &Roles) -> Option<Anderson> {
     match options.acceleration {
         Acceleration::None => None,
         Acceleration::Anderson { window } => Some(Anderson::new(window as usize, roles.unknowns.as_slice().len())),
-    }
-}
-
-/// The region of interest, increasing.
-fn roi(region: &Region) -> impl Iterator<Item = u32> + '_ {
-    (0..).zip(region.roles()).filter(|(_, role)| **role != Role::Fixed).map(|(vertex, _)| vertex)
-}
-
-fn check_count(what: &'static str, expected: usize, found: usize) -> Result<(), DeformError> {
-    if expected == found { Ok(()) } else { Err(DeformError::WrongCount { what, expected, found }) }
-}
-
-/// Names the vertex behind the unknown of an error.
-fn named(error: LinalgError, cells: &Cells) -> DeformError {
-    let vertex = |unknown: usize| cells.vertices.get(unknown).copied().unwrap_or(u32::MAX);
-    match error {
-        LinalgError::SolutionNotFinite { unknown } => DeformError::ResultNotFinite { vertex: vertex(unknown) },
-        LinalgError::NotPositiveDefinite { unknown } => DeformError::Singular { vertex: vertex(unknown) },
-        other => DeformError::TooLarge(other),
-    }
-}
-
-/// A handle vertex's goal in the frame, if it can be computed with.
-fn within_reach(frame: &Frame, goal: DVec3, handle: u32, vertex: u32) -> Result<DVec3, DeformError> {
-    let inner = frame.enter(goal);
-    // Written so that NaN and infinity are too far.
-    if inner.abs().max_element() <= FARTHEST && goal.is_finite() {
-        Ok(inner)
-    } else {
-        Err(DeformError::handle(handle as usize, HandleFault::TooFar { vertex }))
     }
 }
 

@@ -5,14 +5,12 @@ use pliant_mesh::threads::CHUNK;
 
 use super::cells::{Cells, NONE};
 use super::shape::Shape;
+use crate::patch::soft_weight;
 use crate::{Constraint, Region, Role};
-
-/// Soft weights beyond these act as these.
-const SOFT_RANGE: [f64; 2] = [1e-10, 1e12];
 
 /// Who of the region is solved for, and what holds them.
 pub(super) struct Roles {
-    /// Slots that are solved for: free and in soft handles, and connected to something held.
+    /// Slots that are solved for: free and in soft handles.
     pub(super) unknowns: Slots,
     /// Slots that have a rotation: unknown or next to one.
     pub(super) fitted: Slots,
@@ -25,8 +23,6 @@ pub(super) struct Roles {
     pub(super) led: Vec<Led>,
     /// Of the matrix, by slot of the region.
     pub(super) diagonal: Vec<f64>,
-    /// Vertices that should be solved for but are connected to nothing that holds them.
-    pub(super) unconstrained: usize,
 }
 
 /// Some slots, increasing, with a list for each [`CHUNK`] of all slots.
@@ -91,7 +87,11 @@ impl Roles {
     /// `region` has the region of interest that `cells` was made for.
     pub(super) fn new(shape: &Shape, cells: &Cells, region: &Region) -> Self {
         let roi = &cells.vertices[..cells.roi];
-        let (unknown, unconstrained) = find_unknowns(cells, region);
+        let is_unknown = |v: u32| match region.constraint(v as usize) {
+            Some(constraint) => constraint != Constraint::Hard,
+            None => region.roles()[v as usize] == Role::Free,
+        };
+        let unknown: Vec<bool> = roi.iter().map(|&v| is_unknown(v)).collect();
         let mut fitted = vec![false; cells.cells];
         let mut looked_at = vec![false; cells.vertices.len()];
         for slot in (0..cells.roi).filter(|&slot| unknown[slot]) {
@@ -129,7 +129,7 @@ impl Roles {
             match region.handles()[handle as usize].constraint {
                 Constraint::Hard => led.push(Led { vertex, handle, held: place[slot], rest }),
                 Constraint::Soft(weight) => {
-                    let weight = weight.clamp(SOFT_RANGE[0], SOFT_RANGE[1]);
+                    let weight = soft_weight(weight);
                     // In series with a surface of stiffness 1.
                     let grip = weight / (1.0 + weight);
                     let stiffness = weight * mean;
@@ -141,37 +141,6 @@ impl Roles {
         // So that of several bad goals the first is named.
         led.sort_by_key(|led| led.handle);
         let (unknowns, fitted) = (Slots::new(unknown), Slots::new(fitted));
-        Self { unknowns, fitted, held, rim, springs, led, diagonal, unconstrained }
+        Self { unknowns, fitted, held, rim, springs, led, diagonal }
     }
-}
-
-/// Whether each slot of the region is to be solved for, and how many that should be are connected to nothing that holds them.
-///
-/// Every weight is positive, so a vertex is held if and only if edges between unknowns lead from it to a soft handle
-/// or to a neighbour that is not solved for. What is held by nothing would make the matrix singular, and stays where
-/// it is.
-fn find_unknowns(cells: &Cells, region: &Region) -> (Vec<bool>, usize) {
-    let vertex = |slot: usize| cells.vertices[slot] as usize;
-    let soft = |slot: usize| matches!(region.constraint(vertex(slot)), Some(Constraint::Soft(_)));
-    let candidate: Vec<bool> =
-        (0..cells.roi).map(|slot| region.roles()[vertex(slot)] == Role::Free || soft(slot)).collect();
-    let is_candidate = |slot: u32| candidate.get(slot as usize) == Some(&true);
-    let mut reached = vec![false; cells.roi];
-    let mut stack: Vec<u32> = Vec::new();
-    for slot in (0..cells.roi).filter(|&slot| candidate[slot]) {
-        if soft(slot) || cells.neighbours(slot).iter().any(|&other| !is_candidate(other)) {
-            reached[slot] = true;
-            stack.push(slot as u32);
-        }
-    }
-    while let Some(slot) = stack.pop() {
-        for &other in cells.neighbours(slot as usize) {
-            if is_candidate(other) && !reached[other as usize] {
-                reached[other as usize] = true;
-                stack.push(other);
-            }
-        }
-    }
-    let unconstrained = candidate.iter().zip(&reached).filter(|(candidate, reached)| **candidate && !**reached).count();
-    (reached, unconstrained)
 }

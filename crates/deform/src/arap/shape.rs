@@ -5,6 +5,7 @@ use pliant_mesh::{Topology, TriMesh};
 
 use super::{ArapEnergy, ArapOptions};
 use crate::DeformError;
+use crate::frame::Frame;
 use crate::operators::{FaceWeights, edge_sums, edge_weights};
 
 /// A rest shape with weights.
@@ -47,36 +48,5 @@ impl Shape {
     /// In how many cells each share of an edge's weight is counted: both ends, or the three corners of a face.
     pub(super) fn multiplicity(&self) -> f64 {
         if self.faces.is_none() { 2.0 } else { 3.0 }
-    }
-}
-
-/// A centred frame of unit size. The scale is a power of two, so going there and back rounds only once.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Frame {
-    centre: DVec3,
-    scale: f64,
-    /// Of the scale; exact too.
-    inverse: f64,
-}
-
-impl Frame {
-    fn of(mesh: &TriMesh) -> Self {
-        let (centre, scale) = mesh.bounds().normal_frame();
-        // Keeps the exponent and drops the digits.
-        let power = f64::from_bits(scale.clamp(f64::MIN_POSITIVE, 1e300).to_bits() & 0xFFF0_0000_0000_0000);
-        Self { centre, scale: power, inverse: 1.0 / power }
-    }
-
-    pub(super) fn enter(&self, world: DVec3) -> DVec3 {
-        (world - self.centre) * self.scale
-    }
-
-    pub(super) fn leave(&self, inner: DVec3) -> DVec3 {
-        inner * self.inverse + self.centre
-    }
-
-    /// World units of an energy, per unit in the frame.
-    pub(super) fn energy_unit(&self) -> f64 {
-        self.inverse * self.inverse
     }
 }
