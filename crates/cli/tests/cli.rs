@@ -125,7 +125,7 @@ fn the_papers_preset_runs_its_sizes_both_ways() {
     let rows = report["rows"].as_array().expect("rows");
     // Four sizes of the smaller model, four ways, two schedules; and no cage twice.
     assert_eq!(rows.len(), 4 * 4 * 2 + 2);
-    assert!(rows.iter().all(|r| r["steps"] == 20 && r["method"] == "arap uniform spokes"));
+    assert!(rows.iter().all(|r| r["steps"] == 20 && r["method"] == "arap:uniform"));
     assert!(!report["notes"].as_array().expect("notes").is_empty(), "the sizes are scaled and the scene is another");
 }
 

@@ -154,7 +154,9 @@ mod tests {
             assert!((rounds - rounds.round()).abs() < 1e-9 || (shortest.length() - PI).abs() < 1e-6);
         }
         let turned = Similarity::about(DVec3::ONE, axis, 1.0, 1.0);
-        for wrong in [DVec3::ZERO, axis * 1.02, axis * (1.0 + PI), -axis, DVec3::NAN, axis * f64::INFINITY, axis * 1e300] {
+        for wrong in
+            [DVec3::ZERO, axis * 1.02, axis * (1.0 + PI), -axis, DVec3::NAN, axis * f64::INFINITY, axis * 1e300]
+        {
             let error = Goals::with_turns(vec![turned], vec![wrong]).check(&region).expect_err("another rotation");
             assert!(error.to_string().contains("turn"), "{wrong}: {error}");
         }

@@ -44,6 +44,7 @@ mod method;
 mod operators;
 mod patch;
 mod region;
+mod text;
 
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
 pub use error::{DeformError, HandleFault};

@@ -1,11 +1,12 @@
 use std::fmt;
+use std::str::FromStr;
 use std::time::Duration;
 
 use glam::DVec3;
 use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
-use crate::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
+use crate::arap::{Arap, ArapOptions};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -57,24 +58,32 @@ impl Method {
     }
 }
 
-/// Name, weights and energy, as tables print them: `arap cotangent spokes`.
+/// `name`, or `name:token+token` with the options that differ from the default: `arap:uniform`.
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Arap(options) => {
-                let weights = match options.weights {
-                    EdgeWeightKind::Cotangent => "cotangent",
-                    EdgeWeightKind::Uniform => "uniform",
-                };
-                let energy = match options.energy {
-                    ArapEnergy::Spokes => "spokes",
-                    ArapEnergy::SpokesAndRims => "spokes-and-rims",
-                };
-                write!(f, "arap {weights} {energy}")
-            }
+        let (name, options) = match self {
+            Self::Arap(options) => ("arap", options.to_string()),
+        };
+        f.write_str(name)?;
+        if options.is_empty() { Ok(()) } else { write!(f, ":{options}") }
+    }
+}
+
+/// Reads what `Display` writes.
+impl FromStr for Method {
+    type Err = DeformError;
+
+    fn from_str(text: &str) -> Result<Self, DeformError> {
+        let (name, options) = text.split_once(':').unwrap_or((text, ""));
+        match name {
+            "arap" => Ok(Self::Arap(options.parse()?)),
+            _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
     }
 }
+
+/// The names of the methods.
+const NAMES: &str = "arap";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {

@@ -125,12 +125,7 @@ impl Patch {
     ///
     /// # Errors
     /// [`DeformError::ResultNotFinite`].
-    pub(crate) fn write(
-        &self,
-        solution: &[DVec3],
-        goals: &Goals,
-        positions: &mut [DVec3],
-    ) -> Result<(), DeformError> {
+    pub(crate) fn write(&self, solution: &[DVec3], goals: &Goals, positions: &mut [DVec3]) -> Result<(), DeformError> {
         let unknowns = || {
             let all = self.vertices.iter().zip(&self.held).zip(solution);
             all.filter(|((_, held), _)| held.is_unknown()).map(|((&v, _), &p)| (v, self.frame.leave(p)))
@@ -207,8 +202,7 @@ mod tests {
         let at = |v: u32| bounds.to_box(mesh.positions[v as usize]).x;
         let band = VertexSet::where_true(n, |v| (0.3..0.7).contains(&at(v)));
         let (first, second) = (band.as_slice()[0], band.as_slice()[band.len() - 1]);
-        let handles =
-            [Handle::soft(VertexSet::from_iter([second]), 1e30), Handle::hard(VertexSet::from_iter([first]))];
+        let handles = [Handle::soft(VertexSet::from_iter([second]), 1e30), Handle::hard(VertexSet::from_iter([first]))];
         let region = Region::new(n, &band, &handles).expect("valid");
         (mesh, region)
     }
@@ -222,7 +216,10 @@ mod tests {
             assert!(patch.vertices.is_sorted() && patch.vertices.len() > last);
             last = patch.vertices.len();
             assert_eq!(patch.unknown_count(), region.roi().count() - 1);
-            assert_eq!(patch.held.len() - patch.held.iter().filter(|h| **h == Held::Fixed).count(), region.roi().count());
+            assert_eq!(
+                patch.held.len() - patch.held.iter().filter(|h| **h == Held::Fixed).count(),
+                region.roi().count()
+            );
             // One ring keeps every neighbour and every face of the region.
             for (k, &v) in patch.vertices.iter().enumerate() {
                 let position = patch.frame.leave(patch.mesh.positions[k]);

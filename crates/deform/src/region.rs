@@ -149,9 +149,7 @@ impl Region {
         let is_soft = |v: usize| matches!(self.constraint(v), Some(Constraint::Soft(_)));
         let is_unknown = |v: usize| self.roles[v] == Role::Free || is_soft(v);
         let mut reached: Vec<bool> = (0..self.vertex_count())
-            .map(|v| {
-                !is_unknown(v) || is_soft(v) || topology.neighbours(v).iter().any(|&w| !is_unknown(w as usize))
-            })
+            .map(|v| !is_unknown(v) || is_soft(v) || topology.neighbours(v).iter().any(|&w| !is_unknown(w as usize)))
             .collect();
         let mut stack: Vec<u32> = (0..).zip(&reached).filter(|(_, reached)| **reached).map(|(v, _)| v).collect();
         while let Some(v) = stack.pop() {

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use common::{along_x, bar, distance, pyramid, sheet, torus, variants};
 use glam::{DQuat, DVec3};
-use pliant_deform::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
+use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
 use pliant_deform::{DeformError, Deformer, Goals, Handle, HandleFault, Method, Region, Role};
 use pliant_mesh::{Similarity, TriMesh, VertexSet};
 
@@ -295,7 +295,7 @@ fn a_soft_handle_may_be_the_only_constraint() {
 }
 
 #[test]
-fn what_nothing_holds_stays_in_the_pose() {
+fn what_nothing_holds_is_refused_and_stays_in_the_pose_when_left_out() {
     // Two sheets, the second without any constraint, and a vertex without faces.
     let one = sheet(6, 3);
     let n = one.vertex_count();
@@ -309,13 +309,17 @@ fn what_nothing_holds_stays_in_the_pose() {
     let all = VertexSet::all(mesh.vertex_count());
     let region = Region::new(mesh.vertex_count(), &all, &ends).expect("valid");
     let alone = Region::new(n, &VertexSet::all(n), &ends).expect("valid");
+    let (held, left_out) = region.without_unconstrained(mesh.topology());
+    assert_eq!(left_out, n + 1);
     for options in variants() {
         let mut pose = mesh.positions.clone();
         pose[n..].iter_mut().for_each(|p| p.z += 0.25);
         let start = pose.clone();
-        let mut arap = prepare(&options, &mesh, &region);
-        let report = arap.solve(&bend(&one, 0.8), &mut pose).expect("solvable");
-        assert_eq!((report.unconstrained, arap.prepared().unconstrained), (n + 1, n + 1));
+        let refused = DeformError::Unconstrained { vertex: n as u32, count: n + 1 };
+        assert_eq!(Arap::prepare(&options, &mesh, &region).err(), Some(refused.clone()));
+        let mut arap = prepare(&options, &mesh, &held);
+        assert_eq!(arap.set_region(&region), Err(refused));
+        arap.solve(&bend(&one, 0.8), &mut pose).expect("solvable");
         assert_eq!(pose[n..], start[n..]);
         let mut expected = one.positions.clone();
         prepare(&options, &one, &alone).solve(&bend(&one, 0.8), &mut expected).expect("solvable");
@@ -473,4 +477,30 @@ fn options_are_checked_and_read() {
         let text = serde_json::to_string(&method).expect("plain data");
         assert_eq!(serde_json::from_str::<Method>(&text).expect("own text"), method);
     }
+}
+
+#[test]
+fn methods_have_a_short_text_form() {
+    let rich = ArapOptions {
+        weights: EdgeWeightKind::Uniform,
+        energy: ArapEnergy::SpokesAndRims,
+        iterations: 50,
+        tolerance: Some(3.25e-7),
+        acceleration: Acceleration::Anderson { window: 5 },
+    };
+    for (options, text) in [
+        (ArapOptions::default(), "arap"),
+        (ArapOptions::faithful(), "arap:uniform"),
+        (rich, "arap:uniform+spokes-and-rims+iterations=50+tolerance=3.25e-7+anderson=5"),
+    ] {
+        let method = Method::Arap(options);
+        assert_eq!(method.to_string(), text);
+        assert_eq!(text.parse(), Ok(method));
+    }
+    assert_eq!("arap:cotangent+spokes".parse(), Ok(Method::default()));
+    for (text, lists) in [("", "arap"), ("rap", "arap"), ("arap:round", "cotangent"), ("arap:uniform+", "uniform")] {
+        let error = text.parse::<Method>().expect_err("unknown").to_string();
+        assert!(error.contains(lists), "{text}: {error}");
+    }
+    assert!("arap:iterations=-1".parse::<Method>().is_err() && "arap:iterations".parse::<Method>().is_err());
 }

@@ -72,7 +72,7 @@ fn any_region(mesh: &TriMesh, random: &mut Random) -> Region {
             }
         }
         if let Ok(region) = Region::new(n, &VertexSet::from_iter(roi), &handles) {
-            return region;
+            return region.without_unconstrained(mesh.topology()).0;
         }
     }
 }
@@ -129,7 +129,8 @@ fn a_handle_may_become_soft_free_and_hard_again() {
         let tip = along_x(&mesh, 0.85..=1.0);
         let with = |handle: Option<Handle>| {
             let handles: Vec<Handle> = std::iter::once(anchor.clone()).chain(handle).collect();
-            Region::new(n, &VertexSet::all(n), &handles).expect("valid")
+            let region = Region::new(n, &VertexSet::all(n), &handles).expect("valid");
+            region.without_unconstrained(mesh.topology()).0
         };
         let roles = [
             Some(Handle::hard(tip.clone())),
@@ -175,7 +176,9 @@ fn a_region_that_is_refused_changes_nothing() {
     let (all, needle) = (VertexSet::all(n), VertexSet::from_iter(corner..corner + 3));
     let ends = [0.0..=0.1, 0.9..=1.0].map(|range| Handle::hard(along_x(&one, range)));
     let weak = Handle::soft(needle.clone(), 1e-10);
-    let good = Region::new(n, &all, &ends).expect("valid");
+    // The needle hangs on the second handle.
+    let second = Handle::hard(ends[1].vertices.iter().chain([corner]).collect());
+    let good = Region::new(n, &all, &[ends[0].clone(), second]).expect("valid");
     let singular = Region::new(n, &all, &[ends[0].clone(), weak]).expect("valid");
     let elsewhere = Region::new(n, &VertexSet::where_true(n, |v| !needle.contains(v)), &ends).expect("valid");
     let foreign = Region::new(n + 1, &all, &ends).expect("valid");

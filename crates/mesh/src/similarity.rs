@@ -77,6 +77,13 @@ impl Motion {
         let turned = Similarity::about(self.pivot, self.axis, self.angle * t, self.scale.powf(t));
         Similarity { translation: turned.translation + self.translation * t, ..turned }
     }
+
+    /// The turn done at `t` as a rotation vector: the unit axis times the angle in radians, of any length.
+    ///
+    /// Its rotation is that of [`Self::at`], which does not tell how many full turns led to it.
+    pub fn turn_at(&self, t: f64) -> DVec3 {
+        self.axis.normalize_or_zero() * (self.angle * t)
+    }
 }
 
 #[cfg(test)]
@@ -146,6 +153,17 @@ mod tests {
                 assert!(twice.distance(motion.at(s + t).apply(p)) < 1e-12 * (1.0 + twice.length()));
             }
         }
+    }
+
+    #[test]
+    fn turns_go_on_where_rotations_repeat() {
+        let motion = Motion { angle: 4.0 * TAU, ..motion() };
+        for t in [0.0, 0.1, 0.25, 0.7, 1.0] {
+            let turn = motion.turn_at(t);
+            assert!((turn.length() - 4.0 * TAU * t).abs() < 1e-12);
+            assert!((DQuat::from_scaled_axis(turn).dot(motion.at(t).rotation).abs() - 1.0).abs() < 1e-12);
+        }
+        assert_eq!(Motion { axis: DVec3::ZERO, ..motion }.turn_at(1.0), DVec3::ZERO);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_cage::{BindOptions, Binding, CageSize, Propagation, Propagator, Simplified, simplify};
-use pliant_deform::{Goals, Handle, Method, Region};
+use pliant_deform::{Handle, Method, Region};
 use pliant_mesh::metrics::{edge_errors, largest_free_stretch};
 use pliant_mesh::{FrameFit, TriMesh, VertexSet};
 use serde::{Deserialize, Serialize};
@@ -228,6 +228,13 @@ impl<'a> Study<'a> {
             .map(|own| Handle::hard(VertexSet::where_true(label.len(), |j| label[j as usize] == own)))
             .collect();
         let region = Region::new(label.len(), &VertexSet::all(label.len()), &handles)?;
+        let (region, left_out) = region.without_unconstrained(cage.topology());
+        if left_out > 0 {
+            warnings.push(format!(
+                "{} vertices of the control mesh are joined to no handle and stay where they are",
+                count(left_out)
+            ));
+        }
         Ok((region, warnings))
     }
 
@@ -297,7 +304,7 @@ impl<'a> Study<'a> {
             let mut pose = caged.mesh.positions.clone();
             let mut times = Vec::with_capacity(steps);
             for step in 1..=steps {
-                let goals = Goals::new(self.scene.goals(step as f64 / steps as f64));
+                let goals = self.scene.goals_with_turns(step as f64 / steps as f64);
                 let start = Instant::now();
                 let deformer = match &mut finisher {
                     Some(finisher) if step == steps => Some(finisher),
@@ -305,12 +312,6 @@ impl<'a> Study<'a> {
                 };
                 if let Some(deformer) = deformer {
                     let report = deformer.solve(&goals, &mut pose)?;
-                    if step == steps && report.unconstrained > 0 {
-                        warnings.push(format!(
-                            "{} vertices of the control mesh are joined to no handle and stayed where they were",
-                            count(report.unconstrained)
-                        ));
-                    }
                     if step == steps && last.is_some() && !report.converged {
                         warnings.push(format!("not converged after {} iterations", report.iterations));
                     }

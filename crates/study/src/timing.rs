@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
 use pliant_cage::{BindOptions, Propagation, Propagator, Prune};
-use pliant_deform::{Constraint, Deformer, Goals, Handle, Method, Region};
+use pliant_deform::{Constraint, Deformer, Goals, Handle, Method, Region, Role};
 use pliant_mesh::VertexSet;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -224,9 +224,9 @@ impl Drags {
         let begun = Instant::now();
         let prepare = || method.prepare(&caged.mesh, &caged.region).map_err(named);
         let (mut deformer, prepare_ms) = repeated(plan.repeats, prepare, |_, time| time)?;
-        let refactor = refactor(&mut *deformer, &caged.region, plan.repeats.max(1)).map_err(named)?;
+        let refactor = refactor(&mut *deformer, caged, plan.repeats.max(1)).map_err(named)?;
         let mut propagator = Propagator::new(Propagation::Frames).with_fit(study.frame_fit());
-        let goals = |step: usize| Goals::new(study.scene.goals(step as f64 / STEPS as f64));
+        let goals = |step: usize| study.scene.goals_with_turns(step as f64 / STEPS as f64);
         let mut pose = caged.mesh.positions.clone();
         for step in 1..STEPS / 2 {
             deformer.solve(&goals(step), &mut pose).map_err(named)?;
@@ -305,10 +305,11 @@ fn repeated<T, E>(
 /// Takes one vertex out of the first handle that has two and puts it back, again and again; or makes its handle soft and hard.
 fn refactor(
     deformer: &mut dyn Deformer,
-    region: &Region,
+    caged: &Caged,
     repeats: usize,
 ) -> Result<Vec<f64>, pliant_deform::DeformError> {
-    let all = VertexSet::all(region.vertex_count());
+    let region = &caged.region;
+    let roi = VertexSet::where_true(region.vertex_count(), |v| region.roles()[v as usize] != Role::Fixed);
     let mut handles: Vec<Handle> = region.handles().to_vec();
     match handles.iter().position(|h| h.vertices.len() > 1) {
         Some(at) => handles[at].vertices = handles[at].vertices.iter().skip(1).collect(),
@@ -318,7 +319,8 @@ fn refactor(
             }
         }
     }
-    let changed = Region::new(region.vertex_count(), &all, &handles)?;
+    let changed = Region::new(region.vertex_count(), &roi, &handles)?;
+    let (changed, _) = changed.without_unconstrained(caged.mesh.topology());
     let mut times = Vec::with_capacity(2 * repeats);
     for _ in 0..repeats {
         for region in [&changed, region] {

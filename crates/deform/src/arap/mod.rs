@@ -18,10 +18,13 @@ mod roles;
 mod shape;
 mod steps;
 
+use std::fmt;
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
-use crate::DeformError;
 pub use crate::operators::EdgeWeightKind;
+use crate::{DeformError, text};
 pub use deformer::Arap;
 
 /// Most iterations that may be asked for.
@@ -119,3 +122,55 @@ impl ArapOptions {
         }
     }
 }
+
+/// The tokens that differ from the default, joined by `+`: `uniform+spokes-and-rims+iterations=5`.
+impl fmt::Display for ArapOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { weights, energy, iterations, tolerance, acceleration } = self;
+        text::join(
+            f,
+            [
+                text::word(*weights == EdgeWeightKind::Uniform, "uniform"),
+                text::word(*energy == ArapEnergy::SpokesAndRims, "spokes-and-rims"),
+                (*iterations != Self::default().iterations).then(|| format!("iterations={iterations}")),
+                tolerance.map(|tolerance| format!("tolerance={tolerance:e}")),
+                match acceleration {
+                    Acceleration::None => None,
+                    Acceleration::Anderson { window } => Some(format!("anderson={window}")),
+                },
+            ],
+        )
+    }
+}
+
+/// Reads what `Display` writes; the defaults may be named too. Numbers are checked when the method is prepared.
+impl FromStr for ArapOptions {
+    type Err = DeformError;
+
+    fn from_str(text: &str) -> Result<Self, DeformError> {
+        let mut options = Self::default();
+        for token in text::tokens(text) {
+            match token {
+                "cotangent" => options.weights = EdgeWeightKind::Cotangent,
+                "uniform" => options.weights = EdgeWeightKind::Uniform,
+                "spokes" => options.energy = ArapEnergy::Spokes,
+                "spokes-and-rims" => options.energy = ArapEnergy::SpokesAndRims,
+                _ => {
+                    if let Some(iterations) = text::number(token, "iterations") {
+                        options.iterations = iterations;
+                    } else if let Some(tolerance) = text::number(token, "tolerance") {
+                        options.tolerance = Some(tolerance);
+                    } else if let Some(window) = text::number(token, "anderson") {
+                        options.acceleration = Acceleration::Anderson { window };
+                    } else {
+                        return Err(text::unknown(token, TOKENS));
+                    }
+                }
+            }
+        }
+        Ok(options)
+    }
+}
+
+/// What the text form may have.
+const TOKENS: &str = "cotangent, uniform, spokes, spokes-and-rims, iterations=N, tolerance=X or anderson=N";

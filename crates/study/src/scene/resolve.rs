@@ -1,6 +1,7 @@
 //! From a scene to vertices and motions of one shape.
 
 use glam::DVec3;
+use pliant_deform::Goals;
 use pliant_mesh::{Bounds, Motion, Similarity, TriMesh, VertexSet, select};
 
 use super::{Scene, SceneError, SceneMotion, SceneRegion};
@@ -32,6 +33,12 @@ impl ResolvedScene {
     /// and scales geometrically ([`Motion::at`]), so half of a turn by 720 degrees is a full turn. Other `t` extrapolate.
     pub fn goals(&self, t: f64) -> Vec<Similarity> {
         self.handles.iter().map(|handle| handle.motion.map_or(Similarity::IDENTITY, |motion| motion.at(t))).collect()
+    }
+
+    /// [`Self::goals`] with the turns they are come by, for methods that tell a turn by 720 degrees from none.
+    pub fn goals_with_turns(&self, t: f64) -> Goals {
+        let turns = self.handles.iter().map(|handle| handle.motion.map_or(DVec3::ZERO, |motion| motion.turn_at(t)));
+        Goals::with_turns(self.goals(t), turns.collect())
     }
 
     /// For each of the shape's `vertex_count` vertices, the position of its handle in [`Self::handles`], if it has one.
