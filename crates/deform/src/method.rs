@@ -7,6 +7,7 @@ use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
 use crate::arap::{Arap, ArapOptions};
+use crate::implicit::{Implicit, ImplicitOptions};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -16,6 +17,8 @@ use crate::{DeformError, Goals, Region};
 pub enum Method {
     /// As-rigid-as-possible surface modeling.
     Arap(ArapOptions),
+    /// Implicit Laplacian editing.
+    Implicit(ImplicitOptions),
 }
 
 impl Default for Method {
@@ -34,16 +37,18 @@ impl Method {
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
+            Self::Implicit(options) => Ok(Box::new(Implicit::prepare(options, rest, region)?)),
         }
     }
 }
 
 impl Method {
-    /// The same method with exactly this many iterations a solve.
+    /// The same method with exactly this many iterations a solve, if it iterates.
     #[must_use]
     pub fn with_iterations(&self, iterations: u32) -> Self {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
+            Self::Implicit(_) => self.clone(),
         }
     }
 
@@ -54,6 +59,7 @@ impl Method {
             Self::Arap(options) => {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
+            Self::Implicit(_) => self.clone(),
         }
     }
 }
@@ -63,6 +69,7 @@ impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, options) = match self {
             Self::Arap(options) => ("arap", options.to_string()),
+            Self::Implicit(options) => ("implicit", options.to_string()),
         };
         f.write_str(name)?;
         if options.is_empty() { Ok(()) } else { write!(f, ":{options}") }
@@ -77,13 +84,14 @@ impl FromStr for Method {
         let (name, options) = text.split_once(':').unwrap_or((text, ""));
         match name {
             "arap" => Ok(Self::Arap(options.parse()?)),
+            "implicit" => Ok(Self::Implicit(options.parse()?)),
             _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
     }
 }
 
 /// The names of the methods.
-const NAMES: &str = "arap";
+const NAMES: &str = "arap or implicit";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {
@@ -98,10 +106,19 @@ pub trait Deformer: Send {
     /// [`DeformError::Mesh`] for a pose that does not fit or is not finite, [`DeformError::ResultNotFinite`].
     fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError>;
 
+    /// As [`Self::solve`], but only as far as is worth showing while a handle is on its way, where a method knows such a stage:
+    /// [`Method::Implicit`] does its first system. `solve` when the handle stops gives the result.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    fn solve_preview(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
+        self.solve(goals, positions)
+    }
+
     /// Makes ready for another region of the same rest shape: handles added, removed, grown, or moved between hard and soft.
     ///
     /// Solutions are then those of a deformer freshly prepared for `region`. Where the region of interest has the same vertices
-    /// as before, only numbers are computed again; otherwise everything that depends on it is. Poses are not touched, so the next solve
+    /// as before, a method may compute only numbers again; otherwise everything that depends on it is. Poses are not touched, so the next solve
     /// may start from the last one. On an error the deformer stays as it was and solves for the region it had.
     ///
     /// # Errors

@@ -1,0 +1,143 @@
+//! Laplacian coordinates as rows of numbers.
+
+use glam::DVec3;
+use pliant_mesh::{TriMesh, face_area_vector};
+
+use crate::EdgeWeightKind;
+use crate::operators::edge_weights;
+
+/// Smallest area of a vertex, as a share of the mean square of its edges: a fan of slivers has next to none, and would get a row that
+/// drowns all others.
+const SMALLEST_AREA: f64 = 1e-3;
+
+/// The rows `r_i D(v)_i` of all vertices of a mesh (section 2.1), scaled so that they have no unit.
+///
+/// The sign is that of +L, centre minus neighbours, where the paper has neighbours minus centre; both sides of each of its equations
+/// change with it.
+///
+/// The paper adds up squares of coordinates (1 over length for cotangent weights, a length for uniform ones) and of gradients (no unit)
+/// with equal weights (Eq. 7), which is equivariant to the scale of the mesh only if the coordinates are made unitless. Cotangent rows are
+/// multiplied by the root of the vertex's area, so that `E_L` is the integral of `|D(v~) - M D(v)|^2` over the surface, and uniform rows
+/// divided by it. On an even mesh both are the paper's sums but for one factor.
+pub(super) struct Laplacian {
+    /// Of row `i`: `offsets[i]..offsets[i + 1]` of the lists below.
+    offsets: Vec<usize>,
+    /// The vertex itself first.
+    columns: Vec<u32>,
+    values: Vec<f64>,
+    /// Edge weights that had to be changed.
+    pub(super) clamped: usize,
+}
+
+impl Laplacian {
+    pub(super) fn new(mesh: &TriMesh, kind: EdgeWeightKind) -> Self {
+        let topology = mesh.topology();
+        let weights = edge_weights(mesh, kind);
+        let areas = voronoi_areas(mesh);
+        let mut laplacian =
+            Self { offsets: vec![0], columns: Vec::new(), values: Vec::new(), clamped: weights.clamped };
+        for (i, &area) in areas.iter().enumerate() {
+            let neighbours = topology.neighbours(i);
+            let at = mesh.positions[i];
+            let squares: f64 = neighbours.iter().map(|&j| mesh.positions[j as usize].distance_squared(at)).sum();
+            let count = neighbours.len().max(1) as f64;
+            let root = area.max(SMALLEST_AREA * squares / count).max(f64::MIN_POSITIVE).sqrt();
+            // Half cotangents: the paper's weights are twice these, over the area.
+            let scale = match kind {
+                EdgeWeightKind::Cotangent => 2.0 / root,
+                EdgeWeightKind::Uniform => 1.0 / (count * root),
+            };
+            let diagonal = laplacian.columns.len();
+            laplacian.columns.push(i as u32);
+            laplacian.values.push(0.0);
+            for (&j, &edge) in neighbours.iter().zip(topology.neighbour_edges(i)) {
+                let weight = scale * weights.values[edge as usize];
+                laplacian.columns.push(j);
+                laplacian.values.push(-weight);
+                laplacian.values[diagonal] += weight;
+            }
+            laplacian.offsets.push(laplacian.columns.len());
+        }
+        laplacian
+    }
+
+    /// Column and value of each entry of a row, the diagonal first.
+    pub(super) fn row(&self, i: usize) -> impl Iterator<Item = (u32, f64)> + Clone {
+        let range = self.offsets[i]..self.offsets[i + 1];
+        self.columns[range.clone()].iter().copied().zip(self.values[range].iter().copied())
+    }
+
+    /// A row times points: by differences to the vertex, which keeps digits that sums would lose.
+    pub(super) fn apply(&self, i: usize, points: &[DVec3]) -> DVec3 {
+        self.row(i).skip(1).map(|(j, value)| value * (points[j as usize] - points[i])).sum()
+    }
+}
+
+/// Area of each vertex: its Voronoi cell within its triangles, or at obtuse triangles a half or a quarter of them (Meyer et al. 2002,
+/// section 3.3). They add up to the area of the mesh.
+fn voronoi_areas(mesh: &TriMesh) -> Vec<f64> {
+    let mut areas = vec![0.0; mesh.vertex_count()];
+    for (face, triangle) in mesh.triangles().iter().enumerate() {
+        let p = mesh.corners(face);
+        let area = face_area_vector(p).length();
+        // Scalar products of the two sides at each corner: cotangents times twice the area.
+        let dots: [f64; 3] = std::array::from_fn(|k| (p[(k + 1) % 3] - p[k]).dot(p[(k + 2) % 3] - p[k]));
+        let obtuse = dots.iter().position(|dot| *dot <= 0.0);
+        for k in 0..3 {
+            areas[triangle[k] as usize] += match obtuse {
+                Some(corner) => area * if corner == k { 0.5 } else { 0.25 },
+                None => {
+                    let (next, last) = ((k + 1) % 3, (k + 2) % 3);
+                    let square = |a: usize| p[a].distance_squared(p[k]);
+                    (square(next) * dots[last] + square(last) * dots[next]) / (16.0 * area)
+                }
+            };
+        }
+    }
+    areas
+}
+
+#[cfg(test)]
+mod tests {
+    use pliant_mesh::shapes;
+
+    use super::*;
+
+    #[test]
+    fn voronoi_areas_add_up_and_are_exact_on_a_grid() {
+        let grid = shapes::plane_grid(6, 4, 3.0, 2.0).expect("valid size");
+        let areas = voronoi_areas(&grid);
+        assert!((areas.iter().sum::<f64>() - 6.0).abs() < 1e-13);
+        // An inner vertex of a grid of squares owns one of them, however they are cut.
+        let boundary = grid.topology().boundary_vertices();
+        assert!((0..areas.len()).all(|v| boundary[v] || (areas[v] - 0.25).abs() < 1e-14));
+        let cone = shapes::cylinder(0.2, 5.0, 7, 3, 2).expect("valid");
+        let area: f64 = (0..cone.face_count()).map(|f| face_area_vector(cone.corners(f)).length()).sum();
+        assert!((voronoi_areas(&cone).iter().sum::<f64>() / area - 1.0).abs() < 1e-13);
+    }
+
+    /// On a sphere of radius 1 the cotangent Laplacian is twice the mean curvature vector, `2 v`, and the row is that times the
+    /// root of the area; for any weights rows vanish on constants and do not change with the scale but through `v`.
+    #[test]
+    fn rows_are_laplacian_coordinates() {
+        let sphere = shapes::icosphere(4);
+        let areas = voronoi_areas(&sphere);
+        let rows = Laplacian::new(&sphere, EdgeWeightKind::Cotangent);
+        for (v, p) in sphere.positions.iter().enumerate() {
+            let curvature = rows.apply(v, &sphere.positions) / areas[v].sqrt();
+            assert!(curvature.distance(2.0 * *p) < 0.02, "{v}: {curvature}");
+        }
+        for kind in [EdgeWeightKind::Cotangent, EdgeWeightKind::Uniform] {
+            let rows = Laplacian::new(&sphere, kind);
+            let scaled = sphere.with_positions(sphere.positions.iter().map(|p| *p * 1e-3).collect()).expect("finite");
+            let small = Laplacian::new(&scaled, kind);
+            for v in 0..sphere.vertex_count() {
+                let sum: f64 = rows.row(v).map(|(_, value)| value).sum();
+                let size = rows.row(v).next().map_or(0.0, |(_, value)| value);
+                assert!(sum.abs() < 1e-13 * size, "{kind:?}: {sum}");
+                let (one, other) = (rows.apply(v, &sphere.positions), small.apply(v, &scaled.positions));
+                assert!(one.distance(other) < 1e-11, "{kind:?}: {one} {other}");
+            }
+        }
+    }
+}
