@@ -22,14 +22,14 @@ pub(super) const PAIR: f64 = 2.0;
 /// vertices share unknowns: round a rim they contradict each other as soon as what holds the surface has not moved by a
 /// similarity, so elimination or Lagrange multipliers would have no solution to find. Heavy rows are met where they can be and balanced
 /// where not. What a weight alone leaves is taken away by the multipliers of [`Energy::minimise`].
-const HEAVY: f64 = 1e3;
+const HEAVY: f64 = 1e5;
 
 /// Share of the weight that gradients of handles have where positions alone are to count: little enough not to be seen, and enough to
 /// decide what positions leave open (the gradient across a plane, the turn about a single point).
 const FAINT: f64 = 1e-4;
 
 /// Solutions with the factor: one by the method of multipliers and refinement after another, each on the residual of the last.
-const STEPS: usize = 3;
+const STEPS: usize = 2;
 
 /// The energy of the displaced surface as a quadratic function of its points, with the factor of its matrix.
 pub(super) struct Energy {
