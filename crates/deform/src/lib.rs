@@ -38,9 +38,11 @@
 
 pub mod arap;
 mod error;
+mod fit;
 mod frame;
 mod goals;
 pub mod implicit;
+pub mod laplacian;
 mod method;
 mod operators;
 mod patch;
@@ -51,5 +53,6 @@ pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
 pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, Stage};
+pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use region::{Constraint, Handle, Region, Role};

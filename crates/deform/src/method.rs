@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::arap::{Arap, ArapOptions};
 use crate::implicit::{Implicit, ImplicitOptions};
+use crate::laplacian::{Laplacian, LaplacianOptions};
 use crate::{DeformError, Goals, Region};
 
 /// A deformation method with its options: what a command line parses, a session saves and a table prints.
@@ -15,9 +16,11 @@ use crate::{DeformError, Goals, Region};
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Method {
-    /// As-rigid-as-possible surface modeling.
+    /// As-rigid-as-possible surface modeling: iterates, keeps lengths best.
     Arap(ArapOptions),
-    /// Implicit Laplacian editing.
+    /// Laplacian surface editing: one or two linear solves.
+    Laplacian(LaplacianOptions),
+    /// Implicit Laplacian editing: two linear solves, follows rotations below pi and scales.
     Implicit(ImplicitOptions),
 }
 
@@ -37,29 +40,31 @@ impl Method {
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
+            Self::Laplacian(options) => Ok(Box::new(Laplacian::prepare(options, rest, region)?)),
             Self::Implicit(options) => Ok(Box::new(Implicit::prepare(options, rest, region)?)),
         }
     }
 }
 
 impl Method {
-    /// The same method with exactly this many iterations a solve, if it iterates.
+    /// The same method with exactly this many iterations a solve; one that does not iterate stays as it is.
     #[must_use]
     pub fn with_iterations(&self, iterations: u32) -> Self {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
-            Self::Implicit(_) => self.clone(),
+            Self::Laplacian(_) | Self::Implicit(_) => self.clone(),
         }
     }
 
-    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times.
+    /// The same method, iterating until its energy falls by no more than the share `tolerance` of itself, at most `most` times; one
+    /// that does not iterate stays as it is.
     #[must_use]
     pub fn until_converged(&self, tolerance: f64, most: u32) -> Self {
         match self {
             Self::Arap(options) => {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
-            Self::Implicit(_) => self.clone(),
+            Self::Laplacian(_) | Self::Implicit(_) => self.clone(),
         }
     }
 }
@@ -69,6 +74,7 @@ impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, options) = match self {
             Self::Arap(options) => ("arap", options.to_string()),
+            Self::Laplacian(options) => ("laplacian", options.to_string()),
             Self::Implicit(options) => ("implicit", options.to_string()),
         };
         f.write_str(name)?;
@@ -84,6 +90,7 @@ impl FromStr for Method {
         let (name, options) = text.split_once(':').unwrap_or((text, ""));
         match name {
             "arap" => Ok(Self::Arap(options.parse()?)),
+            "laplacian" => Ok(Self::Laplacian(options.parse()?)),
             "implicit" => Ok(Self::Implicit(options.parse()?)),
             _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
@@ -91,7 +98,7 @@ impl FromStr for Method {
 }
 
 /// The names of the methods.
-const NAMES: &str = "arap or implicit";
+const NAMES: &str = "arap, laplacian or implicit";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {
@@ -107,7 +114,7 @@ pub trait Deformer: Send {
     fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError>;
 
     /// As [`Self::solve`], but only as far as is worth showing while a handle is on its way, where a method knows such a stage:
-    /// [`Method::Implicit`] does its first system. `solve` when the handle stops gives the result.
+    /// [`Method::Implicit`] does its first system. When the handle stops, `solve` gives the result.
     ///
     /// # Errors
     /// As [`Self::solve`].
@@ -117,9 +124,9 @@ pub trait Deformer: Send {
 
     /// Makes ready for another region of the same rest shape: handles added, removed, grown, or moved between hard and soft.
     ///
-    /// Solutions are then those of a deformer freshly prepared for `region`. Where the region of interest has the same vertices
-    /// as before, a method may compute only numbers again; otherwise everything that depends on it is. Poses are not touched, so the next solve
-    /// may start from the last one. On an error the deformer stays as it was and solves for the region it had.
+    /// Solutions are then those of a deformer freshly prepared for `region`. As-rigid-as-possible deformation computes only numbers again
+    /// where the region of interest has the same vertices as before; otherwise everything that depends on the region is. Poses are not
+    /// touched, so the next solve may start from the last one. On an error the deformer stays as it was and solves for the region it had.
     ///
     /// # Errors
     /// As [`Method::prepare`].
@@ -161,9 +168,9 @@ pub struct PrepareReport {
 /// What a solve did.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SolveReport {
-    /// Iterations done.
+    /// Iterations done; 0 by a method that does not iterate.
     pub iterations: u32,
-    /// Whether the method's tolerance was met; `false` where none is set.
+    /// Whether the method's tolerance was met: `false` where none is set, `true` for a method that does not iterate.
     pub converged: bool,
     /// The method's energy before the first iteration, in its own units; only where the stop rule needs it.
     pub energy_before: Option<f64>,

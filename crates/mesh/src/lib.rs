@@ -5,6 +5,7 @@
 //!
 //! This crate knows no matrix, no solver, no file format and no cage.
 
+mod areas;
 mod bounds;
 mod error;
 mod frames;
@@ -22,6 +23,7 @@ mod vertex_set;
 mod weights;
 mod weld;
 
+pub use areas::mixed_voronoi_areas;
 pub use bounds::Bounds;
 pub use error::MeshError;
 pub use frames::{FrameFit, Frames};

@@ -12,10 +12,9 @@ use super::anderson::Anderson;
 use super::cells::{Cells, Term};
 use super::roles::Roles;
 use super::shape::Shape;
-use super::steps::{
-    Columns, ENERGY_CHUNK, Row, energy, fit_rigid, fit_rotations, move_unknowns, point, row, spring_energy,
-};
+use super::steps::{Columns, ENERGY_CHUNK, Row, energy, fit_rotations, move_unknowns, point, row, spring_energy};
 use super::{Acceleration, ArapOptions};
+use crate::fit::Fit;
 use crate::frame::{Frame, check_count, check_pose};
 use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, StepTimes};
 
@@ -314,10 +313,10 @@ impl Edit {
         if held.clone().all(|(at, goal, _)| at == goal) {
             return;
         }
-        let (rotation, translation) = fit_rigid(held.map(|(at, goal, grip)| (point(at), point(goal), grip)));
+        let fit = Fit::rigid(held.map(|(at, goal, grip)| (point(at), point(goal), grip)));
         for &slot in roles.unknowns.as_slice().iter().chain(&roles.held) {
             let position = &mut pose[slot as usize];
-            *position = row(rotation * point(*position) + translation);
+            *position = row(fit.apply(point(*position)));
         }
     }
 

@@ -1,9 +1,9 @@
 //! The two steps of an iteration, and the energy they lower.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use pliant_linalg::{Cholesky, LinalgError};
 use pliant_mesh::threads::{CHUNK, for_each_chunk};
-use pliant_mesh::{LANES, RotationBatch, best_rotation, outer};
+use pliant_mesh::{LANES, RotationBatch};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -86,23 +86,6 @@ fn add(sum: &mut Row, x: Row, factor: f64) {
     for (sum, x) in sum.iter_mut().zip(x) {
         *sum += factor * x;
     }
-}
-
-/// The rigid motion `(Q, t)`, `x -> Q x + t`, that best takes points to their goals in the weighted least-squares
-/// sense.
-///
-/// `points` yields position, goal and weight.
-pub(super) fn fit_rigid(points: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone) -> (DMat3, DVec3) {
-    let sums =
-        points.clone().fold((DVec3::ZERO, DVec3::ZERO, 0.0), |(x, y, n), (p, q, w)| (x + w * p, y + w * q, n + w));
-    let (from, to, total) = sums;
-    if total == 0.0 {
-        return (DMat3::IDENTITY, DVec3::ZERO);
-    }
-    let (from, to) = (from / total, to / total);
-    let s = points.fold(DMat3::ZERO, |s, (p, q, w)| s + outer(q - to, w * (p - from)));
-    let rotation = best_rotation(s);
-    (rotation, to - rotation * from)
 }
 
 /// The global step: with the rotations held, moves the unknowns of `pose` to the least energy.

@@ -9,7 +9,7 @@ use pliant_mesh::{TriMesh, best_rotation, best_scale, outer};
 
 use super::energy::Energy;
 use super::plan::{Hold, Plan, release_positions};
-use super::rows::Laplacian;
+use super::rows::LaplacianRows;
 use super::shear::Shear;
 use super::{FeatureSize, ImplicitConstraints, ImplicitOptions, Stage};
 use crate::patch::{Held, Patch};
@@ -52,7 +52,7 @@ pub struct ImplicitReport {
 struct Edit {
     patch: Patch,
     plan: Plan,
-    laplacian: Laplacian,
+    laplacian: LaplacianRows,
     energy: Energy,
     shear: Shear,
     hold: Hold,
@@ -120,7 +120,7 @@ impl Edit {
         let plan = Plan::new(&patch, options);
         let named = |error| named(error, &patch);
         let start = Instant::now();
-        let laplacian = Laplacian::new(&patch.mesh, options.weights);
+        let laplacian = LaplacianRows::new(&patch.mesh, options.weights);
         let energy = Energy::new(&patch, &plan, &laplacian).map_err(named)?;
         let factor_first = start.elapsed();
         let start = Instant::now();

@@ -9,7 +9,7 @@ use pliant_mesh::outer;
 use super::ImplicitConstraints;
 use super::matrix::Matrix;
 use super::plan::{Hold, Lists, Plan, coherence};
-use super::rows::Laplacian;
+use super::rows::LaplacianRows;
 use super::stencils::{NONE, Stencils};
 use crate::patch::{Held, Patch};
 
@@ -93,7 +93,7 @@ impl Energy {
     ///
     /// # Errors
     /// [`LinalgError::NotPositiveDefinite`] with the number of a vertex of the patch, [`LinalgError::TooLarge`].
-    pub(super) fn new(patch: &Patch, plan: &Plan, laplacian: &Laplacian) -> Result<Self, LinalgError> {
+    pub(super) fn new(patch: &Patch, plan: &Plan, laplacian: &LaplacianRows) -> Result<Self, LinalgError> {
         let stencils = Stencils::new(&patch.mesh, &plan.need);
         let (pairs, pulls) = coherence(patch, plan, &stencils)?;
         let pull = PAIR * if plan.constraints == ImplicitConstraints::Positions { FAINT } else { 1.0 };
@@ -149,7 +149,7 @@ impl Energy {
     /// be met at all.
     pub(super) fn minimise(
         &mut self,
-        laplacian: &Laplacian,
+        laplacian: &LaplacianRows,
         hold: &Hold,
         solution: &mut [DVec3],
     ) -> Result<(), LinalgError> {
@@ -236,7 +236,7 @@ impl Energy {
     }
 
     /// Half the derivative of the energy, at the points whose gradients were evaluated.
-    fn differentiate(&mut self, laplacian: &Laplacian, hold: &Hold) {
+    fn differentiate(&mut self, laplacian: &LaplacianRows, hold: &Hold) {
         let Self { stencils, pairs, pulls, pull, rows, ties, springs, scratch, .. } = self;
         let Scratch { points, slope, gradients, forces, pulls: sums, targets, .. } = scratch;
         for (g, force) in forces.iter_mut().enumerate() {
@@ -299,7 +299,7 @@ fn turned(gradient: &DMat3, offset: DVec3) -> DVec3 {
 }
 
 /// Rows of unknown vertices and of their neighbours, which have no gradient to go by only if positions alone hold them and their ring is flat.
-fn rows(plan: &Plan, stencils: &Stencils, laplacian: &Laplacian) -> Vec<Row> {
+fn rows(plan: &Plan, stencils: &Stencils, laplacian: &LaplacianRows) -> Vec<Row> {
     (0..plan.need.len())
         .filter(|&v| plan.has_row[v] && (plan.is_given[v] || stencils.gradient[v] != NONE))
         .map(|v| Row {

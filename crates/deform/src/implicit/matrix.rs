@@ -5,14 +5,14 @@ use pliant_linalg::LinalgError;
 
 use super::energy::{PAIR, Row};
 use super::plan::{Lists, MOST_ENTRIES};
-use super::rows::Laplacian;
+use super::rows::LaplacianRows;
 use super::stencils::{NONE, Stencils};
 use crate::patch::{Held, Patch};
 
 /// The matrix of the energy, which is the same for x, y and z: upper triangle by columns.
 pub(super) struct Matrix<'a> {
     stencils: &'a Stencils,
-    laplacian: &'a Laplacian,
+    laplacian: &'a LaplacianRows,
     unknown: &'a [u32],
     pairs: &'a Lists,
     rows: &'a [Row],
@@ -26,7 +26,7 @@ impl<'a> Matrix<'a> {
     /// `own`: of each gradient, the sum of the weights of the terms it is in.
     pub(super) fn new(
         stencils: &'a Stencils,
-        laplacian: &'a Laplacian,
+        laplacian: &'a LaplacianRows,
         unknown: &'a [u32],
         pairs: &'a Lists,
         rows: &'a [Row],

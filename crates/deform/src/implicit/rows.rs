@@ -1,7 +1,7 @@
 //! Laplacian coordinates as rows of numbers.
 
 use glam::DVec3;
-use pliant_mesh::{TriMesh, face_area_vector};
+use pliant_mesh::{TriMesh, mixed_voronoi_areas};
 
 use crate::EdgeWeightKind;
 use crate::operators::edge_weights;
@@ -19,7 +19,7 @@ const SMALLEST_AREA: f64 = 1e-3;
 /// with equal weights (Eq. 7), which is equivariant to the scale of the mesh only if the coordinates are made unitless. Cotangent rows are
 /// multiplied by the root of the vertex's area, so that `E_L` is the integral of `|D(v~) - M D(v)|^2` over the surface, and uniform rows
 /// divided by it. On an even mesh both are the paper's sums but for one factor.
-pub(super) struct Laplacian {
+pub(super) struct LaplacianRows {
     /// Of row `i`: `offsets[i]..offsets[i + 1]` of the lists below.
     offsets: Vec<usize>,
     /// The vertex itself first.
@@ -29,11 +29,11 @@ pub(super) struct Laplacian {
     pub(super) clamped: usize,
 }
 
-impl Laplacian {
+impl LaplacianRows {
     pub(super) fn new(mesh: &TriMesh, kind: EdgeWeightKind) -> Self {
         let topology = mesh.topology();
         let weights = edge_weights(mesh, kind);
-        let areas = voronoi_areas(mesh);
+        let areas = mixed_voronoi_areas(mesh);
         let mut laplacian =
             Self { offsets: vec![0], columns: Vec::new(), values: Vec::new(), clamped: weights.clamped };
         for (i, &area) in areas.iter().enumerate() {
@@ -73,64 +73,27 @@ impl Laplacian {
     }
 }
 
-/// Area of each vertex: its Voronoi cell within its triangles, or at obtuse triangles a half or a quarter of them (Meyer et al. 2002,
-/// section 3.3). They add up to the area of the mesh.
-fn voronoi_areas(mesh: &TriMesh) -> Vec<f64> {
-    let mut areas = vec![0.0; mesh.vertex_count()];
-    for (face, triangle) in mesh.triangles().iter().enumerate() {
-        let p = mesh.corners(face);
-        let area = face_area_vector(p).length();
-        // Scalar products of the two sides at each corner: cotangents times twice the area.
-        let dots: [f64; 3] = std::array::from_fn(|k| (p[(k + 1) % 3] - p[k]).dot(p[(k + 2) % 3] - p[k]));
-        let obtuse = dots.iter().position(|dot| *dot <= 0.0);
-        for k in 0..3 {
-            areas[triangle[k] as usize] += match obtuse {
-                Some(corner) => area * if corner == k { 0.5 } else { 0.25 },
-                None => {
-                    let (next, last) = ((k + 1) % 3, (k + 2) % 3);
-                    let square = |a: usize| p[a].distance_squared(p[k]);
-                    (square(next) * dots[last] + square(last) * dots[next]) / (16.0 * area)
-                }
-            };
-        }
-    }
-    areas
-}
-
 #[cfg(test)]
 mod tests {
     use pliant_mesh::shapes;
 
     use super::*;
 
-    #[test]
-    fn voronoi_areas_add_up_and_are_exact_on_a_grid() {
-        let grid = shapes::plane_grid(6, 4, 3.0, 2.0).expect("valid size");
-        let areas = voronoi_areas(&grid);
-        assert!((areas.iter().sum::<f64>() - 6.0).abs() < 1e-13);
-        // An inner vertex of a grid of squares owns one of them, however they are cut.
-        let boundary = grid.topology().boundary_vertices();
-        assert!((0..areas.len()).all(|v| boundary[v] || (areas[v] - 0.25).abs() < 1e-14));
-        let cone = shapes::cylinder(0.2, 5.0, 7, 3, 2).expect("valid");
-        let area: f64 = (0..cone.face_count()).map(|f| face_area_vector(cone.corners(f)).length()).sum();
-        assert!((voronoi_areas(&cone).iter().sum::<f64>() / area - 1.0).abs() < 1e-13);
-    }
-
     /// On a sphere of radius 1 the cotangent Laplacian is twice the mean curvature vector, `2 v`, and the row is that times the
     /// root of the area; for any weights rows vanish on constants and do not change with the scale but through `v`.
     #[test]
     fn rows_are_laplacian_coordinates() {
         let sphere = shapes::icosphere(4);
-        let areas = voronoi_areas(&sphere);
-        let rows = Laplacian::new(&sphere, EdgeWeightKind::Cotangent);
+        let areas = mixed_voronoi_areas(&sphere);
+        let rows = LaplacianRows::new(&sphere, EdgeWeightKind::Cotangent);
         for (v, p) in sphere.positions.iter().enumerate() {
             let curvature = rows.apply(v, &sphere.positions) / areas[v].sqrt();
             assert!(curvature.distance(2.0 * *p) < 0.02, "{v}: {curvature}");
         }
         for kind in [EdgeWeightKind::Cotangent, EdgeWeightKind::Uniform] {
-            let rows = Laplacian::new(&sphere, kind);
+            let rows = LaplacianRows::new(&sphere, kind);
             let scaled = sphere.with_positions(sphere.positions.iter().map(|p| *p * 1e-3).collect()).expect("finite");
-            let small = Laplacian::new(&scaled, kind);
+            let small = LaplacianRows::new(&scaled, kind);
             for v in 0..sphere.vertex_count() {
                 let sum: f64 = rows.row(v).map(|(_, value)| value).sum();
                 let size = rows.row(v).next().map_or(0.0, |(_, value)| value);

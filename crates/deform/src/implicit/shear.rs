@@ -8,7 +8,7 @@ use pliant_mesh::best_rotation;
 use pliant_mesh::threads::for_each_chunk;
 
 use super::plan::{Hold, Plan};
-use super::rows::Laplacian;
+use super::rows::LaplacianRows;
 use super::stencils::{NONE, Stencils};
 use crate::patch::{Held, Patch};
 
@@ -43,7 +43,7 @@ impl Shear {
     pub(super) fn new(
         patch: &Patch,
         plan: &Plan,
-        laplacian: &Laplacian,
+        laplacian: &LaplacianRows,
         stencils: &Stencils,
     ) -> Result<Self, LinalgError> {
         let count = patch.held.len();
