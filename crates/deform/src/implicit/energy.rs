@@ -31,6 +31,9 @@ const FAINT: f64 = 1e-4;
 /// Solutions with the factor: one by the method of multipliers and refinement after another, each on the residual of the last.
 const STEPS: usize = 2;
 
+/// Largest error of a solution that is known, in diagonals of the rest shape.
+const MOST_WRONG: f64 = 1e-6;
+
 /// The energy of the displaced surface as a quadratic function of its points, with the factor of its matrix.
 pub(super) struct Energy {
     pub(super) stencils: Stencils,
@@ -127,7 +130,25 @@ impl Energy {
             targets: vec![DMat3::ZERO; ties.len()],
             step: vec![[0.0; 3]; count as usize],
         };
-        Ok(Self { stencils, unknown, pairs, pulls, pull, rows, ties, springs, factor, scratch })
+        let mut energy = Self { stencils, unknown, pairs, pulls, pull, rows, ties, springs, factor, scratch };
+        energy.check(patch, laplacian)?;
+        Ok(energy)
+    }
+
+    /// Refuses equations so near to singular that the factor has no digits to give, which its pivots need not tell: their answer is known
+    /// where everything held is scaled by 2, since an affine map of the surface has no energy.
+    fn check(&mut self, patch: &Patch, laplacian: &LaplacianRows) -> Result<(), LinalgError> {
+        let places: Vec<DVec3> = patch.mesh.positions.iter().map(|p| 2.0 * *p).collect();
+        let gradients = vec![DMat3::IDENTITY * 2.0; places.len()];
+        let hold = Hold { places, gradients };
+        let mut solution = hold.places.clone();
+        self.minimise(laplacian, &hold, &mut solution)?;
+        // Written so that NaN is wrong.
+        let is_right = |v: &usize| solution[*v].distance(hold.places[*v]) < MOST_WRONG;
+        match (0..solution.len()).find(|v| !is_right(v)) {
+            Some(unknown) => Err(LinalgError::NotPositiveDefinite { unknown }),
+            None => Ok(()),
+        }
     }
 
     /// Numbers stored for solving.

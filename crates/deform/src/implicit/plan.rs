@@ -8,8 +8,11 @@ use super::stencils::{NONE, Need, Stencils};
 use super::{ImplicitConstraints, ImplicitOptions};
 use crate::patch::{Held, Patch};
 
-/// Most pairs of gradients, and most entries of the matrix: some gigabytes. Surfaces have some ten pairs and thirty entries a vertex, but
-/// all neighbours of a vertex are pairs, so a fan of tens of thousands of triangles has billions.
+/// Most pairs of gradients. Surfaces have some ten a vertex with two rings; but all neighbours of a vertex are pairs, so that a fan of tens
+/// of thousands of triangles has billions.
+const MOST_PAIRS: usize = 1 << 25;
+
+/// Most entries of the matrix: over a gigabyte. Surfaces have some thirty a vertex with two rings.
 pub(super) const MOST_ENTRIES: usize = 1 << 27;
 
 /// Positions and gradients that the surface is held by, one each per vertex of the patch; where nothing holds one, it is not read.
@@ -146,7 +149,7 @@ pub(super) fn coherence(patch: &Patch, plan: &Plan, stencils: &Stencils) -> Resu
                 }
             }
         }
-        if pairs.items.len() + pulls.items.len() > MOST_ENTRIES {
+        if pairs.items.len() + pulls.items.len() > MOST_PAIRS {
             let (unknowns, entries) = (plan.need.len(), pairs.items.len() + pulls.items.len());
             return Err(LinalgError::TooLarge { unknowns, entries });
         }

@@ -79,8 +79,8 @@ mod tests {
 
     use super::*;
 
-    /// On a sphere of radius 1 the cotangent Laplacian is twice the mean curvature vector, `2 v`, and the row is that times the
-    /// root of the area; for any weights rows vanish on constants and do not change with the scale but through `v`.
+    /// On a sphere of radius 1 the mean curvature normal of Meyer et al. (Eq. 8) is `2 v`; the paper's coordinates lack its half, so
+    /// they are `4 v`. Rows vanish on constants and have no unit.
     #[test]
     fn rows_are_laplacian_coordinates() {
         let sphere = shapes::icosphere(4);
@@ -88,7 +88,7 @@ mod tests {
         let rows = LaplacianRows::new(&sphere, EdgeWeightKind::Cotangent);
         for (v, p) in sphere.positions.iter().enumerate() {
             let curvature = rows.apply(v, &sphere.positions) / areas[v].sqrt();
-            assert!(curvature.distance(2.0 * *p) < 0.02, "{v}: {curvature}");
+            assert!(curvature.distance(4.0 * *p) < 0.04, "{v}: {curvature}");
         }
         for kind in [EdgeWeightKind::Cotangent, EdgeWeightKind::Uniform] {
             let rows = LaplacianRows::new(&sphere, kind);

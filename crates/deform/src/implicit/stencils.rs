@@ -125,7 +125,7 @@ struct Rings<'a> {
     /// Points added to each vertex's ring.
     added: Vec<Vec<DVec3>>,
     degenerate: usize,
-    /// Where all points of a ring coincide, this is its size.
+    /// Where all points of a ring coincide, this is taken for its size: the mean length of edges.
     spacing: f64,
 }
 
@@ -134,6 +134,7 @@ impl<'a> Rings<'a> {
         let topology = mesh.topology();
         let lengths =
             topology.edges().iter().map(|e| mesh.positions[e[0] as usize].distance(mesh.positions[e[1] as usize]));
+        let mean = lengths.sum::<f64>() / topology.edges().len().max(1) as f64;
         Self {
             mesh,
             need,
@@ -142,7 +143,7 @@ impl<'a> Rings<'a> {
             points: mesh.positions.clone(),
             added: vec![Vec::new(); need.len()],
             degenerate: 0,
-            spacing: (lengths.sum::<f64>() / topology.edges().len().max(1) as f64).max(f64::MIN_POSITIVE.sqrt()),
+            spacing: if mean > 0.0 { mean } else { 1.0 },
         }
     }
 
@@ -324,3 +325,6 @@ fn eigen(matrix: DMat3) -> ([f64; 3], DMat3) {
     order.sort_by(|&i, &j| a[j][j].total_cmp(&a[i][i]));
     (order.map(|k| a[k][k].max(0.0)), DMat3::from_cols_array_2d(&order.map(|k| axes[k])))
 }
+
+#[cfg(test)]
+mod tests;
