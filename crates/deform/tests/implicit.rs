@@ -146,7 +146,8 @@ fn a_common_similarity_is_reproduced() {
                     let options = ImplicitOptions { features: FeatureSize::Scale, ..options.clone() };
                     prepare(&options, &mesh, &region).solve(&goals, &mut pose).expect("solvable");
                     let off = distance(&pose, &image) / mesh.bounds().diagonal();
-                    assert!(off < 1e-9, "{name}, {options}: {off:e}");
+                    // Triangles 60 or 300 times as long as wide cost digits; even ones leave 1e-13.
+                    assert!(off < 1e-8, "{name}, {options}: {off:e}");
                 }
             }
         }
@@ -265,12 +266,16 @@ fn gradients_alone_turn_handles_that_float() {
     };
     let [near, far] = [0.0, 50.0].map(|far| solved(&options, &mesh, &region, &turn(far)));
     assert!(near == far, "where the goal takes the handle does not matter");
+    let preview = ImplicitOptions { stage: Stage::Preview, ..options.clone() };
+    let preview = solved(&preview, &mesh, &region, &turn(0.0));
     let linear = turn(0.0).transforms[0].linear();
     let first = tip.as_slice()[0] as usize;
     for v in tip.iter().map(|v| v as usize) {
-        let expected = near[first] + linear * (mesh.positions[v] - mesh.positions[first]);
-        // The second system has rotations of free rings only on average.
-        assert!(near[v].distance(expected) < 0.05, "{v}: {}", near[v].distance(expected));
+        let arm = linear * (mesh.positions[v] - mesh.positions[first]);
+        assert!(preview[v].distance(preview[first] + arm) < 1e-6);
+        // The second system has Laplacian coordinates to keep, not gradients: the handle is a little bent, a bar one unit wide.
+        let off = near[v].distance(near[first] + arm);
+        assert!(off < 0.15, "{v}: {off}");
     }
     // The bar has bent along: its tip, turned by 0.8, is where a bar bent in an arc has it, off the axis but not stretched.
     let tip_at = |pose: &[DVec3]| tip.iter().map(|v| pose[v as usize]).sum::<DVec3>() / tip.len() as f64;
