@@ -62,8 +62,8 @@ pub struct ImplicitOptions {
     pub weights: EdgeWeightKind,
     /// How many rings of neighbours a vertex's gradient is compared with (Eq. 6), 1 to [`MAX_RINGS`]. Default: 2, the paper's.
     ///
-    /// More rings make a wider border of each handle nearly rigid, suppress bending in detail, and cost: `k` rings have some `3 k (k + 1)`
-    /// vertices, and a row of the matrix has some `3 (k + 2) (k + 3)` entries.
+    /// More rings suppress deformation in detail, if by little: from 1 to 5, length errors of bars bent and twisted by a right angle fell by
+    /// less than a tenth. They cost: `k` rings have some `3 k (k + 1)` vertices, and a row of the matrix some `3 (k + 2) (k + 3)` entries.
     pub rings: u32,
     /// Default: both.
     pub constraints: ImplicitConstraints,
