@@ -99,7 +99,6 @@ impl Deformer for Implicit {
             unknowns: self.edit.report.free_vertices,
             clamped_weights: self.edit.laplacian.clamped,
             factor_len: self.edit.energy.solve_len() + self.edit.shear.solve_len(),
-            ..PrepareReport::default()
         }
     }
 
