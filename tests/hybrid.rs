@@ -201,3 +201,38 @@ fn sizes_and_iterations_read_as_they_are_written() {
     }
     assert!("-1".parse::<Iterations>().is_err() && "999999999".parse::<Iterations>().is_err());
 }
+
+/// A scene that turns the end of a bar twice: a method that is told of the turns twists the bar twice, in one step or in several.
+#[test]
+fn full_turns_of_a_scene_reach_the_method() {
+    let bar = shapes::bar(60, 2, 2, DVec3::new(9.0, 0.4, 0.4)).expect("valid size");
+    let scene = r#"{ "name": "twist", "handles": [
+        { "name": "held", "region": { "box": { "max": [0.06, null, null] } } },
+        { "name": "turned", "region": { "box": { "min": [0.94, null, null] } },
+          "motion": { "rotate": { "axis": [2, 0, 0], "degrees": 720 } } } ] }"#;
+    let scene = Scene::parse(scene.as_bytes(), "a test").expect("valid");
+    let study = Study::new("bar", &bar, &scene).expect("fits");
+    let caged = study.cage("none".parse().expect("a size"), &Silent).expect("valid");
+    for (method, turns) in [("arap:propagated", 2.0), ("laplacian:propagated", 2.0), ("laplacian", 0.0)] {
+        let method: Method = method.parse().expect("a method");
+        for steps in [1, 7] {
+            let schedule = Schedule { steps, iterations: Iterations::Count(2) };
+            let pose = study.drag(&caged, &method, schedule, &Silent).expect("valid").pose;
+            // The corner y, z > 0 of each section, followed along the bar.
+            let mut corners: Vec<(f64, DVec3)> = bar
+                .positions
+                .iter()
+                .zip(&pose)
+                .filter(|(p, _)| p.y > 0.15 && p.z > 0.15)
+                .map(|(p, q)| (p.x, *q))
+                .collect();
+            corners.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let angle = |pair: &[(f64, DVec3)]| {
+                let (a, b) = (pair[0].1, pair[1].1);
+                (a.y * b.z - a.z * b.y).atan2(a.y * b.y + a.z * b.z)
+            };
+            let found = corners.windows(2).map(angle).sum::<f64>() / std::f64::consts::TAU;
+            assert!(corners.len() == 61 && (found - turns).abs() < 1e-6, "{method}, {steps} steps: {found} turns");
+        }
+    }
+}

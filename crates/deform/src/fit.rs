@@ -3,6 +3,10 @@
 use glam::{DMat3, DVec3};
 use pliant_mesh::{best_rotation, best_scale, outer};
 
+/// Points whose mean squared distance from their mean is below this share of that from the origin are one point, but for
+/// rounding of the mean.
+const ONE_POINT: f64 = 1e-28;
+
 /// A similarity `x -> scale * rotation * x + translation`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Fit {
@@ -39,9 +43,13 @@ impl Fit {
             return Self::IDENTITY;
         }
         let (from, to) = (from / total, to / total);
-        let (s, rest) = points.fold((DMat3::ZERO, 0.0), |(s, rest), (p, q, w)| {
-            (s + outer(q - to, w * (p - from)), rest + w * (p - from).length_squared())
+        let (s, rest, squares) = points.fold((DMat3::ZERO, 0.0, 0.0), |(s, rest, squares), (p, q, w)| {
+            let off = p - from;
+            (s + outer(q - to, w * off), rest + w * off.length_squared(), squares + w * p.length_squared())
         });
+        if rest <= ONE_POINT * squares {
+            return Self { translation: to - from, ..Self::IDENTITY };
+        }
         let rotation = best_rotation(s);
         let scale = if scales { best_scale(rotation, s, rest) } else { 1.0 };
         Self { rotation, scale, translation: to - scale * (rotation * from) }
@@ -72,6 +80,10 @@ mod tests {
         assert_eq!(Fit::similarity(std::iter::empty()), Fit::IDENTITY);
         // One point can only be moved.
         let moved = Fit { translation: DVec3::Y, ..Fit::IDENTITY };
-        assert_eq!(Fit::similarity(std::iter::once((DVec3::X, DVec3::X + DVec3::Y, 2.0))), moved);
+        for weight in [2.0, 0.1 / 1.1] {
+            let at = DVec3::new(0.1, 0.7, -0.3);
+            let fit = Fit::similarity(std::iter::once((at, at + DVec3::Y, weight)));
+            assert!(fit.rotation == moved.rotation && fit.scale == 1.0 && fit.translation.distance(DVec3::Y) < 1e-15);
+        }
     }
 }

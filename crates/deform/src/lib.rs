@@ -49,7 +49,7 @@ mod patch;
 mod region;
 mod text;
 
-pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind};
+pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
 pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, Stage};

@@ -97,11 +97,6 @@ impl Patch {
         Ok(Self { frame, mesh, vertices, held, region: region.clone(), goals })
     }
 
-    /// The region that the patch was made for.
-    pub(crate) fn region(&self) -> &Region {
-        &self.region
-    }
-
     /// How many vertices are solved for.
     pub(crate) fn unknown_count(&self) -> usize {
         self.held.iter().filter(|held| held.is_unknown()).count()

@@ -5,7 +5,8 @@ mod common;
 use allocation_counter::measure;
 use common::{along_x, sheet, torus};
 use glam::DVec3;
-use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions};
+use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, Start};
+use pliant_deform::laplacian::{Details, Laplacian, LaplacianOptions};
 use pliant_deform::{Deformer, Goals, Handle, Region};
 use pliant_mesh::{FrameFit, Frames, Similarity, TriMesh, VertexSet};
 
@@ -27,12 +28,13 @@ fn solving_allocates_nothing_from_the_second_time_on() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
     for mesh in [sheet(16, 8), torus(90, 40)] {
         for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
-            for (iterations, tolerance, acceleration) in [
-                (2, None, Acceleration::None),
-                (2, Some(1e-6), Acceleration::None),
-                (12, None, Acceleration::Anderson { window: 5 }),
+            for (iterations, tolerance, acceleration, start) in [
+                (2, None, Acceleration::None, Start::Pose),
+                (2, Some(1e-6), Acceleration::None, Start::Propagated),
+                (12, None, Acceleration::Anderson { window: 5 }, Start::Pose),
             ] {
-                let options = ArapOptions { energy, iterations, tolerance, acceleration, ..ArapOptions::default() };
+                let basis = ArapOptions { energy, iterations, ..ArapOptions::default() };
+                let options = ArapOptions { tolerance, acceleration, start, ..basis };
                 let mut arap = Arap::prepare(&options, &mesh, &region(&mesh, false)).expect("valid");
                 let mut pose = mesh.positions.clone();
                 for soft in [false, true] {
@@ -55,6 +57,27 @@ fn solving_allocates_nothing_from_the_second_time_on() {
         let pose: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(p.y, p.z, p.x) * 1.1 + *p).collect();
         let fit = || measure(|| frames.fit(mesh.topology(), &mesh.positions, &pose, FrameFit::Similarity));
         assert_eq!(pool.install(fit).count_total, 0);
+    }
+}
+
+#[test]
+fn laplacian_solves_allocate_nothing_from_the_second_time_on() {
+    let mesh = sheet(16, 8);
+    for details in [Details::Plain, Details::TwoStep, Details::Similarity, Details::Propagated] {
+        let options = LaplacianOptions { details, ..LaplacianOptions::default() };
+        for soft in [false, true] {
+            let mut laplacian = Laplacian::prepare(&options, &mesh, &region(&mesh, soft)).expect("valid");
+            let mut pose = mesh.positions.clone();
+            let grown = Similarity::about(DVec3::ONE, DVec3::Z, 0.5, 1.1);
+            let all = [goals(1), goals(2), Goals::new(vec![Similarity::IDENTITY, grown])];
+            laplacian.solve(&all[0], &mut pose).expect("solvable");
+            let info = measure(|| {
+                for goals in &all {
+                    laplacian.solve(goals, &mut pose).expect("solvable");
+                }
+            });
+            assert_eq!(info.count_total, 0, "{options}, soft {soft}");
+        }
     }
 }
 

@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 
 use common::{along_x, bar, distance, pyramid, sheet, torus, variants};
 use glam::{DQuat, DVec3};
-use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
-use pliant_deform::{DeformError, Deformer, Goals, Handle, HandleFault, Method, Region, Role};
+use pliant_deform::arap::{Arap, ArapOptions};
+use pliant_deform::{DeformError, Deformer, Goals, Handle, HandleFault, Region, Role};
 use pliant_mesh::{Similarity, TriMesh, VertexSet};
 
 fn shapes() -> Vec<(&'static str, TriMesh)> {
@@ -443,64 +443,4 @@ fn errors_leave_the_pose_alone() {
     let mut pose = start.clone();
     arap.solve(&region.identity_goals(), &mut pose).expect("solvable");
     assert!(distance(&pose, &start) < 1e-12);
-}
-
-#[test]
-fn options_are_checked_and_read() {
-    let mesh = pyramid();
-    let region = Region::new(5, &VertexSet::all(5), &[Handle::hard(VertexSet::from_iter([0]))]).expect("valid");
-    let refused = |options: ArapOptions| match Method::Arap(options).prepare(&mesh, &region) {
-        Err(DeformError::BadOption { option, .. }) => option,
-        Err(other) => panic!("{other}"),
-        Ok(_) => panic!("accepted"),
-    };
-    let with_tolerance = |t| ArapOptions { tolerance: Some(t), ..ArapOptions::default() };
-    for t in [f64::NAN, -1e-9, f64::INFINITY] {
-        assert_eq!(refused(with_tolerance(t)), "tolerance");
-    }
-    assert_eq!(refused(ArapOptions { iterations: 1_000_000_000, ..ArapOptions::default() }), "iterations");
-    let other = Region::new(6, &VertexSet::all(6), region.handles()).expect("valid");
-    assert!(matches!(Method::default().prepare(&mesh, &other), Err(DeformError::WrongCount { .. })));
-
-    let text = r#"{"arap": {"weights": "uniform", "energy": "spokes_and_rims", "tolerance": 1e-4}}"#;
-    let method: Method = serde_json::from_str(text).expect("valid");
-    let expected = ArapOptions {
-        weights: EdgeWeightKind::Uniform,
-        energy: ArapEnergy::SpokesAndRims,
-        iterations: 2,
-        tolerance: Some(1e-4),
-        ..ArapOptions::default()
-    };
-    assert_eq!(method, Method::Arap(expected));
-    assert!(serde_json::from_str::<Method>(r#"{"arap": {"wieghts": "uniform"}}"#).is_err());
-    for method in [Method::default(), Method::Arap(ArapOptions::faithful()), Method::Arap(ArapOptions::converged())] {
-        let text = serde_json::to_string(&method).expect("plain data");
-        assert_eq!(serde_json::from_str::<Method>(&text).expect("own text"), method);
-    }
-}
-
-#[test]
-fn methods_have_a_short_text_form() {
-    let rich = ArapOptions {
-        weights: EdgeWeightKind::Uniform,
-        energy: ArapEnergy::SpokesAndRims,
-        iterations: 50,
-        tolerance: Some(3.25e-7),
-        acceleration: Acceleration::Anderson { window: 5 },
-    };
-    for (options, text) in [
-        (ArapOptions::default(), "arap"),
-        (ArapOptions::faithful(), "arap:uniform"),
-        (rich, "arap:uniform+spokes-and-rims+iterations=50+tolerance=3.25e-7+anderson=5"),
-    ] {
-        let method = Method::Arap(options);
-        assert_eq!(method.to_string(), text);
-        assert_eq!(text.parse(), Ok(method));
-    }
-    assert_eq!("arap:cotangent+spokes".parse(), Ok(Method::default()));
-    for (text, lists) in [("", "arap"), ("rap", "arap"), ("arap:round", "cotangent"), ("arap:uniform+", "uniform")] {
-        let error = text.parse::<Method>().expect_err("unknown").to_string();
-        assert!(error.contains(lists), "{text}: {error}");
-    }
-    assert!("arap:iterations=-1".parse::<Method>().is_err() && "arap:iterations".parse::<Method>().is_err());
 }

@@ -5,8 +5,8 @@ pub use pliant_cage::{
     SimplifyOptions, SimplifyReport, Support, UNSAFE_MAGNITUDE, simplify,
 };
 pub use pliant_deform::{
-    Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle,
-    HandleFault, Method, PrepareReport, Region, Role, SolveReport, StepTimes,
+    Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, EdgeWeightKind, Goals, Handle,
+    HandleFault, LaplacianOptions, Method, PrepareReport, Region, Role, SolveReport, Start, StepTimes,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,
@@ -22,8 +22,8 @@ pub use pliant_mesh::metrics::{
 pub use pliant_mesh::shapes::creature;
 pub use pliant_mesh::{
     Bounds, Cancellable, CleanReport, Cleaned, EdgeWeights, FrameFit, Frames, MeshError, Motion, NormalBuffer,
-    Progress, Silent, Similarity, Topology, TriMesh, VertexSet, best_rotation, clean_soup, select, shapes,
-    vertex_normals,
+    Progress, Silent, Similarity, Topology, TriMesh, VertexSet, best_rotation, clean_soup, mixed_voronoi_areas, select,
+    shapes, vertex_normals,
 };
 pub use pliant_study::{
     Bound, Caged, Detail, Dragged, Iterations, ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError,

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_cage::{BindOptions, Binding, CageSize, Propagation, Propagator, Simplified, simplify};
-use pliant_deform::{Handle, Method, Region};
+use pliant_deform::{ArapOptions, Handle, Method, Region};
 use pliant_mesh::metrics::{edge_errors, largest_free_stretch};
 use pliant_mesh::{FrameFit, TriMesh, VertexSet};
 use serde::{Deserialize, Serialize};
@@ -327,7 +327,8 @@ impl<'a> Study<'a> {
         let drag_ms = if last.is_some() { times.iter().sum() } else { median(times) };
         Ok(Dragged {
             pose,
-            method: method.to_string(),
+            // Iterations are the schedule's, which rows tell apart.
+            method: method.with_iterations(ArapOptions::default().iterations).to_string(),
             schedule: Schedule { steps, ..schedule },
             prepare_ms,
             drag_ms,

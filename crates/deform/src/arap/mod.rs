@@ -12,6 +12,7 @@
 //! rotations held: a linear system whose matrix never changes). Both minimise the same energy, so it never rises.
 
 mod anderson;
+mod carried;
 mod cells;
 mod deformer;
 mod roles;
@@ -60,6 +61,20 @@ pub enum Acceleration {
     },
 }
 
+/// Where iterations start from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// The rotations of the incoming pose, after it has been moved along with the constraints: what was dragged so far goes on.
+    #[default]
+    Pose,
+    /// The turns of the handles, carried over the region by harmonic fields (Zayer et al. 2005, *Harmonic Guidance for Surface
+    /// Deformation*), whatever the incoming pose of the vertices solved for. Follows turns of any angle
+    /// ([`Goals::with_turns`](crate::Goals::with_turns)) in one solve, but a handle that is only moved turns nothing. What is
+    /// fixed counts as one more handle, turned as its vertices next to the region are. Costs one global step more.
+    Propagated,
+}
+
 /// Options of as-rigid-as-possible deformation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -77,6 +92,8 @@ pub struct ArapOptions {
     pub tolerance: Option<f64>,
     /// Default: none.
     pub acceleration: Acceleration,
+    /// Default: the incoming pose.
+    pub start: Start,
 }
 
 impl Default for ArapOptions {
@@ -87,6 +104,7 @@ impl Default for ArapOptions {
             iterations: 2,
             tolerance: None,
             acceleration: Acceleration::None,
+            start: Start::Pose,
         }
     }
 }
@@ -126,7 +144,7 @@ impl ArapOptions {
 /// The tokens that differ from the default, joined by `+`: `uniform+spokes-and-rims+iterations=5`.
 impl fmt::Display for ArapOptions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { weights, energy, iterations, tolerance, acceleration } = self;
+        let Self { weights, energy, iterations, tolerance, acceleration, start } = self;
         text::join(
             f,
             [
@@ -138,6 +156,7 @@ impl fmt::Display for ArapOptions {
                     Acceleration::None => None,
                     Acceleration::Anderson { window } => Some(format!("anderson={window}")),
                 },
+                text::word(*start == Start::Propagated, "propagated"),
             ],
         )
     }
@@ -155,6 +174,8 @@ impl FromStr for ArapOptions {
                 "uniform" => options.weights = EdgeWeightKind::Uniform,
                 "spokes" => options.energy = ArapEnergy::Spokes,
                 "spokes-and-rims" => options.energy = ArapEnergy::SpokesAndRims,
+                "pose" => options.start = Start::Pose,
+                "propagated" => options.start = Start::Propagated,
                 _ => {
                     if let Some(iterations) = text::number(token, "iterations") {
                         options.iterations = iterations;
@@ -173,4 +194,5 @@ impl FromStr for ArapOptions {
 }
 
 /// What the text form may have.
-const TOKENS: &str = "cotangent, uniform, spokes, spokes-and-rims, iterations=N, tolerance=X or anderson=N";
+const TOKENS: &str =
+    "cotangent, uniform, spokes, spokes-and-rims, iterations=N, tolerance=X, anderson=N, pose or propagated";

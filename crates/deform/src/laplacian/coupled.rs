@@ -7,31 +7,27 @@ use pliant_mesh::outer;
 use super::rows::{Rows, springs};
 use crate::patch::Patch;
 
-/// Weight of the rows that keep coordinates as they are, where turn or size would be open otherwise.
-const KEEP: f64 = 1e-3;
+/// Weight of the rows that ask for unchanged coordinates.
+///
+/// Where what is held lies on one line or in one point, turn or size would be open without them, and the matrix singular. They
+/// count a ten-millionth of the others, and do not take part in what is exact: the shape has been moved by the similarity that fits the
+/// constraints before, and is at rest as far as they see.
+const KEEP: f64 = 3e-4;
 
 /// The factored system of all coordinates of all vertices: column `3 v + c` is coordinate `c` of vertex `v` of the patch.
 ///
-/// Minimises `|L(v'_i) - T_i delta_i|^2` over the rows `i`, with `T_i` as [`blocks`] has it (Sorkine et al. 2004, Eq. 5 and 10). A row
-/// has three rows here, one per coordinate; then one for each coordinate of a vertex of a soft handle. If that leaves something
-/// open (what holds the region lies on one line or in one point) rows of weight [`KEEP`] that ask for unchanged coordinates are added.
-/// All right-hand sides but those of soft handles are 0.
+/// Minimises `|L(v'_i) - T_i delta_i|^2` over the rows `i`, with `T_i` as [`blocks`] has it (Sorkine et al. 2004, Eq. 5 and 10). There are
+/// three rows for each vertex of a soft handle, then six for each row of the Laplacian: one per coordinate, and the same with unchanged
+/// coordinates and the weight [`KEEP`]. All right-hand sides but those of soft handles are 0.
 pub(super) fn factored(rows: &Rows, patch: &Patch, coordinates: &[DVec3]) -> Result<LeastSquares, LinalgError> {
     let is_free = |column: usize| patch.held[column / 3].is_unknown();
-    let vertex = |error| match error {
+    LeastSquares::new(matrix(rows, patch, coordinates, KEEP)?, is_free).map_err(|error| match error {
         LinalgError::NotPositiveDefinite { unknown } => LinalgError::NotPositiveDefinite { unknown: unknown / 3 },
         other => other,
-    };
-    match LeastSquares::new(matrix(rows, patch, coordinates, false)?, is_free) {
-        Err(LinalgError::NotPositiveDefinite { .. }) => {
-            LeastSquares::new(matrix(rows, patch, coordinates, true)?, is_free).map_err(vertex)
-        }
-        made => made,
-    }
+    })
 }
 
-/// Rows of soft handles come first.
-fn matrix(rows: &Rows, patch: &Patch, coordinates: &[DVec3], keeps: bool) -> Result<SparseRows, LinalgError> {
+fn matrix(rows: &Rows, patch: &Patch, coordinates: &[DVec3], keep: f64) -> Result<SparseRows, LinalgError> {
     let mut laplacian = SparseRows::new(3 * patch.held.len());
     let mut diagonal = vec![0.0; patch.held.len()];
     for (row, (&centre, &delta)) in rows.centres.iter().zip(coordinates).enumerate() {
@@ -44,13 +40,11 @@ fn matrix(rows: &Rows, patch: &Patch, coordinates: &[DVec3], keeps: bool) -> Res
                 blocks.iter().flat_map(|(v, block)| (0..3).map(move |d| (3 * v + d, block.col(d as usize)[c])));
             laplacian.push_row(entries)?;
         }
-        if keeps {
-            let weights = rows.weights(row);
-            let ring = patch.mesh.topology().neighbours(centre as usize).iter().zip(weights);
-            let ring = ring.map(|(&j, w)| (j, -w)).chain([(centre, weights.iter().sum::<f64>())]);
-            for c in 0..3 {
-                laplacian.push_row(ring.clone().map(|(j, w)| (3 * j + c, KEEP * w)))?;
-            }
+        let weights = rows.weights(row);
+        let ring = patch.mesh.topology().neighbours(centre as usize).iter().zip(weights);
+        let ring = ring.map(|(&j, w)| (j, -w)).chain([(centre, weights.iter().sum::<f64>())]);
+        for c in 0..3 {
+            laplacian.push_row(ring.clone().map(|(j, w)| (3 * j + c, keep * w)))?;
         }
     }
     let mut all = SparseRows::new(3 * patch.held.len());
@@ -120,7 +114,7 @@ mod tests {
             for kind in [EdgeWeightKind::Uniform, EdgeWeightKind::Cotangent] {
                 let rows = Rows::new(&patch, kind);
                 let coordinates = rows.coordinates(&patch.mesh, &patch.mesh.positions);
-                let matrix = matrix(&rows, &patch, &coordinates, false).expect("small");
+                let matrix = matrix(&rows, &patch, &coordinates, 0.0).expect("small");
                 for (s, h) in [(1.0, DVec3::ZERO), (-0.3, DVec3::ZERO), (2.0, DVec3::new(0.4, -3.0, 1.0))] {
                     let moved = patch.mesh.positions.iter().map(|p| s * *p + h.cross(*p) + DVec3::new(1.0, 2.0, -0.5));
                     let x: Vec<[f64; 3]> = moved.flat_map(|p| p.to_array()).map(|x| [x, 0.0, 0.0]).collect();

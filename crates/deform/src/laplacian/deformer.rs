@@ -16,7 +16,7 @@ use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport};
 
 /// A prepared Laplacian edit.
 ///
-/// Computes in the frame of [`Patch`], and solves for the displacement from the rest shape, moved as [`Details`] says: where nothing is to
+/// Computes in the rest shape's centred unit frame, and solves for the displacement from the rest shape, moved as [`Details`] says: where nothing is to
 /// be done there is nothing to solve for, and nothing is lost in rounding.
 pub struct Laplacian {
     options: LaplacianOptions,

@@ -38,7 +38,8 @@ pub use deformer::Laplacian;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Details {
-    /// They stay as they are, `T_i = 1`. Exact for a common translation of all that is held; turned handles shear the details.
+    /// They stay as they are, `T_i = 1`. Exact for a common translation of all that is held; turned handles shear the details, and by half a
+    /// turn the region between them collapses.
     #[default]
     Plain,
     /// A first solution with `T_i` the rigid motion that fits the constraints tells how each vertex turns, by the best rotation of its
@@ -48,7 +49,7 @@ pub enum Details {
     /// `T_i` is itself an unknown, `s_i + h_i x`, which fits the edges of the vertex best and is linear in the new positions (Sorkine et
     /// al. 2004): one system couples all three coordinates. For large turns this is no rotation; the shape is therefore
     /// moved by the similarity that fits the constraints before, which they do not do. Exact for a common similarity. Costs about nine
-    /// times the memory and twenty times the time to prepare.
+    /// times the memory and ten times the time.
     Similarity,
     /// `T_i` are the turns and scales of the handles, carried over the region by harmonic fields (Zayer et al. 2005): rotation
     /// vectors and logarithms of scales are interpolated, so that turns of any angle are followed

@@ -186,7 +186,7 @@ mod tests {
                 assert_eq!(matrix.row_count(), rows.centres.len());
                 let pose: Vec<DVec3> =
                     patch.mesh.positions.iter().map(|p| DVec3::new(p.y.sin(), p.x * p.z, 1.0)).collect();
-                let x: Vec<[f64; 3]> = pose.iter().map(|p| p.to_array()).collect();
+                let x: Vec<[f64; 3]> = pose.iter().map(DVec3::to_array).collect();
                 let mut out = vec![[0.0; 3]; matrix.row_count()];
                 matrix.multiply(&x, &mut out).expect("fits");
                 for (out, delta) in out.iter().zip(rows.coordinates(&patch.mesh, &pose)) {

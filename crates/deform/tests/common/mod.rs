@@ -2,7 +2,7 @@
 
 #![allow(dead_code)]
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use pliant_deform::arap::{ArapEnergy, ArapOptions, EdgeWeightKind};
@@ -109,4 +109,22 @@ pub(crate) fn variants() -> Vec<ArapOptions> {
         }
     }
     all
+}
+
+/// The sum of the angles between consecutive cross-sections of a bar along x, each the best rotation about x between the two.
+pub(crate) fn twist(rest: &TriMesh, pose: &[DVec3]) -> f64 {
+    let mut stations: Vec<f64> = rest.positions.iter().map(|p| p.x).collect();
+    stations.sort_unstable_by(f64::total_cmp);
+    stations.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
+    let centre = rest.bounds().centre();
+    let angle = |x: f64| {
+        // Of the best rotation in the plane: sum of cross products over that of scalar products.
+        let section = rest.positions.iter().zip(pose).filter(|(p, _)| (p.x - x).abs() < 1e-6);
+        let (cross, dot) = section.fold((0.0, 0.0), |(cross, dot), (p, q)| {
+            let (p, q) = (*p - centre, *q - centre);
+            (cross + p.y * q.z - p.z * q.y, dot + p.y * q.y + p.z * q.z)
+        });
+        cross.atan2(dot)
+    };
+    stations.windows(2).map(|pair| (angle(pair[1]) - angle(pair[0]) + 3.0 * PI).rem_euclid(TAU) - PI).sum()
 }
