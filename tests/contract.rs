@@ -15,7 +15,7 @@ enum Exact {
 }
 
 /// Every method, in its variants, with what its docs promise.
-const METHODS: [(&str, Exact); 12] = [
+const METHODS: [(&str, Exact); 18] = [
     ("arap", Exact::RigidMotions),
     ("arap:spokes-and-rims", Exact::RigidMotions),
     ("arap:uniform", Exact::RigidMotions),
@@ -28,6 +28,12 @@ const METHODS: [(&str, Exact); 12] = [
     ("laplacian:similarity", Exact::Similarities),
     ("laplacian:propagated", Exact::Similarities),
     ("laplacian:uniform+propagated", Exact::Similarities),
+    ("implicit", Exact::Similarities),
+    ("implicit:uniform", Exact::Similarities),
+    ("implicit:rings=1", Exact::Similarities),
+    ("implicit:positions", Exact::Similarities),
+    ("implicit:keep-features", Exact::RigidMotions),
+    ("implicit:preview", Exact::Similarities),
 ];
 
 fn methods() -> impl Iterator<Item = (Method, Exact)> {

@@ -52,7 +52,7 @@ mod text;
 pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
-pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, Stage};
+pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitStage};
 pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use region::{Constraint, Handle, Region, Role};

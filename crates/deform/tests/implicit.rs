@@ -5,8 +5,8 @@ mod common;
 use allocation_counter::measure;
 use common::{along_x, bar, distance, pyramid, sheet, torus};
 use glam::{DMat3, DVec3};
-use pliant_deform::implicit::{FeatureSize, Implicit, ImplicitConstraints, ImplicitOptions, Stage};
-use pliant_deform::{DeformError, Deformer, EdgeWeightKind, Goals, Handle, Method, Region, Role};
+use pliant_deform::implicit::{FeatureSize, Implicit, ImplicitConstraints, ImplicitOptions, ImplicitStage};
+use pliant_deform::{DeformError, Deformer, EdgeWeightKind, Goals, Handle, Region, Role};
 use pliant_mesh::{Similarity, TriMesh, VertexSet, outer, shapes};
 
 const CONSTRAINTS: [ImplicitConstraints; 3] =
@@ -170,11 +170,11 @@ fn goals_at_rest_keep_rest() {
                     hard_ends(&mesh)
                 };
                 let mut implicit = prepare(&options, &mesh, &region);
-                for stage in [Stage::Preview, Stage::Full] {
+                for stage in [ImplicitStage::Preview, ImplicitStage::Full] {
                     let mut pose = mesh.positions.clone();
                     match stage {
-                        Stage::Preview => implicit.solve_preview(&region.identity_goals(), &mut pose),
-                        Stage::Full => implicit.solve(&region.identity_goals(), &mut pose),
+                        ImplicitStage::Preview => implicit.solve_preview(&region.identity_goals(), &mut pose),
+                        ImplicitStage::Full => implicit.solve(&region.identity_goals(), &mut pose),
                     }
                     .expect("solvable");
                     let off = distance(&pose, &mesh.positions) / mesh.bounds().diagonal();
@@ -266,7 +266,7 @@ fn gradients_alone_turn_handles_that_float() {
     };
     let [near, far] = [0.0, 50.0].map(|far| solved(&options, &mesh, &region, &turn(far)));
     assert!(near == far, "where the goal takes the handle does not matter");
-    let preview = ImplicitOptions { stage: Stage::Preview, ..options.clone() };
+    let preview = ImplicitOptions { stage: ImplicitStage::Preview, ..options.clone() };
     let preview = solved(&preview, &mesh, &region, &turn(0.0));
     let linear = turn(0.0).transforms[0].linear();
     let first = tip.as_slice()[0] as usize;
@@ -319,7 +319,7 @@ fn where_the_unknowns_come_from_does_not_matter() {
     let preview = from_afar.clone();
     implicit.solve(&bend(&mesh, 1.0), &mut from_afar).expect("solvable");
     assert!(from_rest == from_afar);
-    let options = ImplicitOptions { stage: Stage::Preview, ..ImplicitOptions::default() };
+    let options = ImplicitOptions { stage: ImplicitStage::Preview, ..ImplicitOptions::default() };
     assert!(solved(&options, &mesh, &region, &bend(&mesh, 1.5)) == preview);
 }
 
@@ -416,46 +416,6 @@ fn bad_options_and_huge_fans_are_refused() {
     let region = whole(&fan, &[Handle::hard(VertexSet::from_iter([1, 2, 3]))]);
     let error = Implicit::prepare(&ImplicitOptions::default(), &fan, &region).err().expect("too many pairs");
     assert!(matches!(error, DeformError::TooLarge(_)), "{error}");
-}
-
-#[test]
-fn options_are_read_as_they_are_written() {
-    for (text, options) in [
-        ("implicit", ImplicitOptions::default()),
-        (
-            "implicit:uniform+rings=1",
-            ImplicitOptions { weights: EdgeWeightKind::Uniform, rings: 1, ..Default::default() },
-        ),
-        (
-            "implicit:gradients+keep-features+preview",
-            ImplicitOptions {
-                constraints: ImplicitConstraints::Gradients,
-                features: FeatureSize::Keep,
-                stage: Stage::Preview,
-                ..Default::default()
-            },
-        ),
-        (
-            "implicit:positions+scale-features",
-            ImplicitOptions {
-                constraints: ImplicitConstraints::Positions,
-                features: FeatureSize::Scale,
-                ..Default::default()
-            },
-        ),
-    ] {
-        let method = Method::Implicit(options);
-        assert_eq!(method.to_string(), text);
-        assert_eq!(text.parse(), Ok(method.clone()));
-        let json = serde_json::to_string(&method).expect("serialisable");
-        assert_eq!(serde_json::from_str::<Method>(&json).expect("the same"), method);
-    }
-    let defaults: Method = "implicit:cotangent+rings=2+both+auto-features+full".parse().expect("valid");
-    assert_eq!(defaults, Method::Implicit(ImplicitOptions::default()));
-    for wrong in ["implicit:rings", "implicit:rings=-1", "implicit:tolerance=1", "implicit:both+"] {
-        let error = wrong.parse::<Method>().expect_err(wrong).to_string();
-        assert!(error.contains("rings=N") && error.contains("scale-features"), "{error}");
-    }
 }
 
 #[test]

@@ -36,10 +36,10 @@ impl Rows {
             let mut v: Vec<f64> = (k..m).map(|i| a[i][k]).collect();
             v[0] -= head;
             let square: f64 = v.iter().map(|x| x * x).sum();
-            for j in k..n {
+            (k..n).for_each(|j| {
                 let share = 2.0 * (k..m).map(|i| v[i - k] * a[i][j]).sum::<f64>() / square;
                 (k..m).for_each(|i| a[i][j] -= share * v[i - k]);
-            }
+            });
             let share = 2.0 / square * (k..m).map(|i| v[i - k] * b[i]).sum::<DVec3>();
             (k..m).for_each(|i| b[i] -= share * v[i - k]);
         }
@@ -120,7 +120,6 @@ fn within_rings(mesh: &TriMesh, i: usize, rings: u32) -> Vec<usize> {
 
 /// Both systems, at hard handles and fixed vertices at rest: the solutions of Eq. 7 and of Eq. 9 or 10.
 fn reference(mesh: &TriMesh, options: &ImplicitOptions, region: &Region, goals: &Goals) -> [Vec<DVec3>; 2] {
-    // Without the unit of length of the paper's sums (see the module): nothing of it depends on the size of the mesh.
     let (gradients, laplacian) = (gradient_rows(mesh), laplacian_rows(mesh, options.weights));
     let n = mesh.vertex_count();
     let goal = |v: usize| match region.roles()[v] {
@@ -153,15 +152,11 @@ fn reference(mesh: &TriMesh, options: &ImplicitOptions, region: &Region, goals: 
     }
     for &v in &unknown {
         for j in within_rings(mesh, v, options.rings) {
-            for b in 0..3 {
-                match goal(j) {
-                    // From this end only: what is given has no row of its own. Each pair counts twice.
-                    Some(goal) => first.push(2.0_f64.sqrt(), &gradients[v][b], goal.linear().col(b)),
-                    None => {
-                        first.push(1.0, &combine(&[(1.0, &gradients[v][b]), (-1.0, &gradients[j][b])]), DVec3::ZERO);
-                    }
-                }
-            }
+            (0..3).for_each(|b| match goal(j) {
+                // From this end only: what is given has no row of its own. Each pair counts twice.
+                Some(goal) => first.push(2.0_f64.sqrt(), &gradients[v][b], goal.linear().col(b)),
+                None => first.push(1.0, &combine(&[(1.0, &gradients[v][b]), (-1.0, &gradients[j][b])]), DVec3::ZERO),
+            });
         }
     }
     let solution = first.solve(&unknown, &known);

@@ -4,7 +4,7 @@ mod common;
 
 use common::{along_x, distance};
 use glam::DVec3;
-use pliant_deform::implicit::{FeatureSize, Implicit, ImplicitOptions, Stage};
+use pliant_deform::implicit::{FeatureSize, Implicit, ImplicitOptions, ImplicitStage};
 use pliant_deform::{Deformer, EdgeWeightKind, Goals, Handle, Region};
 use pliant_mesh::metrics::edge_errors;
 use pliant_mesh::{Similarity, TriMesh, VertexSet, shapes};
@@ -48,7 +48,7 @@ fn arc(mesh: &TriMesh, angle: f64) -> Goals {
 }
 
 fn preview() -> ImplicitOptions {
-    ImplicitOptions { stage: Stage::Preview, ..ImplicitOptions::default() }
+    ImplicitOptions { stage: ImplicitStage::Preview, ..ImplicitOptions::default() }
 }
 
 /// Fig. 6 and 5: a bar bent as a whole. An ideal arc changes lengths in the mean by some `angle / 8 / sqrt(2)` on its inner and
@@ -170,13 +170,13 @@ fn a_plane_deforms_like_a_sheet_that_is_nearly_flat() {
     let inner =
         Goals::new(vec![Similarity::IDENTITY, Similarity::about(DVec3::new(2.0, 0.0, 0.0), DVec3::Z, 0.5, 1.0)]);
     for weights in [EdgeWeightKind::Cotangent, EdgeWeightKind::Uniform] {
-        for stage in [Stage::Preview, Stage::Full] {
+        for stage in [ImplicitStage::Preview, ImplicitStage::Full] {
             let options = ImplicitOptions { weights, stage, ..ImplicitOptions::default() };
             let pose = solved(&options, &plane, &inner);
             let off = pose.iter().map(|p| p.z.abs()).fold(0.0, f64::max);
             // Coordinates are apart in the first system. Displacements favour one side of the plane, and gradients of displaced
             // vertices lean where these are crowded, which the second system follows (the first error of section 3.3).
-            let most = if stage == Stage::Preview { 1e-12 } else { 0.01 * plane.bounds().diagonal() };
+            let most = if stage == ImplicitStage::Preview { 1e-12 } else { 0.01 * plane.bounds().diagonal() };
             assert!(off < most, "{options}: {off:e}");
             assert!(distance(&pose, &plane.positions) > 0.3);
         }
@@ -186,7 +186,7 @@ fn a_plane_deforms_like_a_sheet_that_is_nearly_flat() {
         Similarity::IDENTITY,
         Similarity { translation: turn.translation + DVec3::new(-0.3, 0.0, 0.8), ..turn },
     ]);
-    for stage in [Stage::Preview, Stage::Full] {
+    for stage in [ImplicitStage::Preview, ImplicitStage::Full] {
         let off = |weights: EdgeWeightKind| {
             let options = ImplicitOptions { weights, stage, ..ImplicitOptions::default() };
             let [flat, bumpy] = [&plane, &sheet].map(|mesh| solved(&options, mesh, &goals));

@@ -5,8 +5,9 @@ pub use pliant_cage::{
     SimplifyOptions, SimplifyReport, Support, UNSAFE_MAGNITUDE, simplify,
 };
 pub use pliant_deform::{
-    Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, EdgeWeightKind, Goals, Handle,
-    HandleFault, LaplacianOptions, Method, PrepareReport, Region, Role, SolveReport, Start, StepTimes,
+    Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, EdgeWeightKind, FeatureSize,
+    Goals, Handle, HandleFault, ImplicitConstraints, ImplicitOptions, ImplicitStage, LaplacianOptions, Method,
+    PrepareReport, Region, Role, SolveReport, Start, StepTimes,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,

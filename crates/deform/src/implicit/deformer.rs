@@ -11,7 +11,7 @@ use super::energy::Energy;
 use super::plan::{Hold, Plan, release_positions};
 use super::rows::LaplacianRows;
 use super::shear::Shear;
-use super::{FeatureSize, ImplicitConstraints, ImplicitOptions, Stage};
+use super::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitStage};
 use crate::patch::{Held, Patch};
 use crate::{DeformError, Deformer, Goals, PrepareReport, Region, SolveReport, StepTimes};
 
@@ -86,7 +86,7 @@ impl Deformer for Implicit {
     }
 
     fn solve_preview(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
-        self.edit.solve(&self.options, Stage::Preview, goals, positions)
+        self.edit.solve(&self.options, ImplicitStage::Preview, goals, positions)
     }
 
     fn set_region(&mut self, region: &Region) -> Result<PrepareReport, DeformError> {
@@ -138,7 +138,7 @@ impl Edit {
     fn solve(
         &mut self,
         options: &ImplicitOptions,
-        stage: Stage,
+        stage: ImplicitStage,
         goals: &Goals,
         positions: &mut [DVec3],
     ) -> Result<SolveReport, DeformError> {
@@ -150,7 +150,7 @@ impl Edit {
         energy.minimise(laplacian, hold, solution).map_err(|error| named(error, patch))?;
         report.solve_first = start.elapsed();
         (report.svd, report.solve_second) = (Duration::ZERO, Duration::ZERO);
-        if stage == Stage::Full {
+        if stage == ImplicitStage::Full {
             let is_scaled = match options.features {
                 FeatureSize::Keep => false,
                 FeatureSize::Scale => true,

@@ -29,4 +29,4 @@ mod shear;
 mod stencils;
 
 pub use deformer::{Implicit, ImplicitReport};
-pub use options::{FeatureSize, ImplicitConstraints, ImplicitOptions, MAX_RINGS, Stage};
+pub use options::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitStage, MAX_RINGS};

@@ -45,7 +45,7 @@ pub enum FeatureSize {
 /// How far a solve goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Stage {
+pub enum ImplicitStage {
     /// Both systems.
     #[default]
     Full,
@@ -70,7 +70,7 @@ pub struct ImplicitOptions {
     /// Default: auto.
     pub features: FeatureSize,
     /// What `solve` does; both factors are prepared in either case. Default: full.
-    pub stage: Stage,
+    pub stage: ImplicitStage,
 }
 
 impl Default for ImplicitOptions {
@@ -80,7 +80,7 @@ impl Default for ImplicitOptions {
             rings: 2,
             constraints: ImplicitConstraints::default(),
             features: FeatureSize::default(),
-            stage: Stage::default(),
+            stage: ImplicitStage::default(),
         }
     }
 }
@@ -107,7 +107,7 @@ impl fmt::Display for ImplicitOptions {
                 text::word(*constraints == ImplicitConstraints::Gradients, "gradients"),
                 text::word(*features == FeatureSize::Keep, "keep-features"),
                 text::word(*features == FeatureSize::Scale, "scale-features"),
-                text::word(*stage == Stage::Preview, "preview"),
+                text::word(*stage == ImplicitStage::Preview, "preview"),
             ],
         )
     }
@@ -129,8 +129,8 @@ impl FromStr for ImplicitOptions {
                 "auto-features" => options.features = FeatureSize::Auto,
                 "keep-features" => options.features = FeatureSize::Keep,
                 "scale-features" => options.features = FeatureSize::Scale,
-                "full" => options.stage = Stage::Full,
-                "preview" => options.stage = Stage::Preview,
+                "full" => options.stage = ImplicitStage::Full,
+                "preview" => options.stage = ImplicitStage::Preview,
                 _ => match text::number(token, "rings") {
                     Some(rings) => options.rings = rings,
                     None => return Err(text::unknown(token, TOKENS)),
