@@ -9,7 +9,7 @@ use pliant_deform::{Deformer, EdgeWeightKind, Goals, Handle, Region};
 use pliant_mesh::metrics::edge_errors;
 use pliant_mesh::{Similarity, TriMesh, VertexSet, shapes};
 
-fn along(mesh: TriMesh) -> TriMesh {
+fn along(mesh: &TriMesh) -> TriMesh {
     mesh.with_positions(mesh.positions.iter().map(|p| DVec3::new(p.y, p.z, p.x)).collect()).expect("finite")
 }
 
@@ -17,7 +17,7 @@ fn along(mesh: TriMesh) -> TriMesh {
 fn bars() -> Vec<(&'static str, TriMesh)> {
     vec![
         ("bar", shapes::bar(36, 6, 6, DVec3::new(6.0, 1.0, 1.0)).expect("valid")),
-        ("cylinder", along(shapes::cylinder(0.5, 6.0, 20, 40, 3).expect("valid"))),
+        ("cylinder", along(&shapes::cylinder(0.5, 6.0, 20, 40, 3).expect("valid"))),
     ]
 }
 
