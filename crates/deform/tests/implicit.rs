@@ -418,6 +418,21 @@ fn bad_options_and_huge_fans_are_refused() {
     assert!(matches!(error, DeformError::TooLarge(_)), "{error}");
 }
 
+/// Every vertex in a hard handle; and with gradients alone every vertex of the region.
+#[test]
+fn handles_may_leave_nothing_free() {
+    let mesh = sheet(8, 4);
+    let all = whole(&mesh, &[Handle::hard(VertexSet::all(mesh.vertex_count()))]);
+    let map = similarity(&mesh);
+    let pose = solved(&ImplicitOptions::default(), &mesh, &all, &Goals::new(vec![map]));
+    assert!(pose == apply(map, &mesh.positions));
+    let middle = along_x(&mesh, 0.15..=0.85);
+    let region = held_by_ends(&mesh, &[Handle::hard(middle)]);
+    let options = ImplicitOptions { constraints: ImplicitConstraints::Gradients, ..ImplicitOptions::default() };
+    let pose = solved(&options, &mesh, &region, &region.identity_goals());
+    assert!(distance(&pose, &mesh.positions) < 1e-10);
+}
+
 #[test]
 fn the_report_counts_what_the_paper_lists() {
     let bar = bar(4);
