@@ -15,7 +15,7 @@ enum Exact {
 }
 
 /// Every method, in its variants, with what its docs promise.
-const METHODS: [(&str, Exact); 19] = [
+const METHODS: [(&str, Exact); 25] = [
     ("arap", Exact::RigidMotions),
     ("arap:spokes", Exact::RigidMotions),
     ("arap:uniform", Exact::RigidMotions),
@@ -35,6 +35,12 @@ const METHODS: [(&str, Exact); 19] = [
     ("rotation-invariant", Exact::Similarities),
     ("rotation-invariant:uniform+tangent-from-normal+raw", Exact::Similarities),
     ("rotation-invariant:edges+coupling=2", Exact::Similarities),
+    ("implicit", Exact::Similarities),
+    ("implicit:uniform", Exact::Similarities),
+    ("implicit:rings=1", Exact::Similarities),
+    ("implicit:positions", Exact::Similarities),
+    ("implicit:keep-features", Exact::RigidMotions),
+    ("implicit:preview", Exact::Similarities),
 ];
 
 fn methods() -> impl Iterator<Item = (Method, Exact)> {

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::arap::{Arap, ArapOptions};
 use crate::dual::{DualLaplacian, DualLaplacianOptions};
+use crate::implicit::{Implicit, ImplicitOptions};
 use crate::laplacian::{Laplacian, LaplacianOptions};
 use crate::rotation_invariant::{RotationInvariant, RotationInvariantOptions};
 use crate::{DeformError, Goals, Region};
@@ -25,6 +26,8 @@ pub enum Method {
     RotationInvariant(RotationInvariantOptions),
     /// The Laplacian of the dual mesh: iterates, keeps details and turns them along. Exact for a common rigid motion.
     DualLaplacian(DualLaplacianOptions),
+    /// Implicit Laplacian editing: two linear solves, follows rotations below pi and scales.
+    Implicit(ImplicitOptions),
 }
 
 impl Default for Method {
@@ -46,6 +49,7 @@ impl Method {
             Self::Laplacian(options) => Ok(Box::new(Laplacian::prepare(options, rest, region)?)),
             Self::RotationInvariant(options) => Ok(Box::new(RotationInvariant::prepare(options, rest, region)?)),
             Self::DualLaplacian(options) => Ok(Box::new(DualLaplacian::prepare(options, rest, region)?)),
+            Self::Implicit(options) => Ok(Box::new(Implicit::prepare(options, rest, region)?)),
         }
     }
 }
@@ -56,7 +60,7 @@ impl Method {
     pub fn with_iterations(&self, iterations: u32) -> Self {
         match self {
             Self::Arap(options) => Self::Arap(ArapOptions { iterations, tolerance: None, ..options.clone() }),
-            Self::Laplacian(_) | Self::RotationInvariant(_) => self.clone(),
+            Self::Laplacian(_) | Self::RotationInvariant(_) | Self::Implicit(_) => self.clone(),
             Self::DualLaplacian(options) => {
                 Self::DualLaplacian(DualLaplacianOptions { iterations, tolerance: None, ..options.clone() })
             }
@@ -71,7 +75,7 @@ impl Method {
             Self::Arap(options) => {
                 Self::Arap(ArapOptions { iterations: most, tolerance: Some(tolerance), ..options.clone() })
             }
-            Self::Laplacian(_) | Self::RotationInvariant(_) => self.clone(),
+            Self::Laplacian(_) | Self::RotationInvariant(_) | Self::Implicit(_) => self.clone(),
             Self::DualLaplacian(options) => Self::DualLaplacian(DualLaplacianOptions {
                 iterations: most,
                 tolerance: Some(tolerance),
@@ -89,6 +93,7 @@ impl fmt::Display for Method {
             Self::Laplacian(options) => ("laplacian", options.to_string()),
             Self::RotationInvariant(options) => ("rotation-invariant", options.to_string()),
             Self::DualLaplacian(options) => ("dual", options.to_string()),
+            Self::Implicit(options) => ("implicit", options.to_string()),
         };
         f.write_str(name)?;
         if options.is_empty() { Ok(()) } else { write!(f, ":{options}") }
@@ -106,13 +111,14 @@ impl FromStr for Method {
             "laplacian" => Ok(Self::Laplacian(options.parse()?)),
             "rotation-invariant" => Ok(Self::RotationInvariant(options.parse()?)),
             "dual" => Ok(Self::DualLaplacian(options.parse()?)),
+            "implicit" => Ok(Self::Implicit(options.parse()?)),
             _ => Err(DeformError::BadOption { option: "the method", expected: NAMES, found: format!("'{name}'") }),
         }
     }
 }
 
 /// The names of the methods.
-const NAMES: &str = "arap, laplacian, rotation-invariant or dual";
+const NAMES: &str = "arap, laplacian, implicit, dual or rotation-invariant";
 
 /// A prepared edit: solved again and again while its handles are dragged.
 pub trait Deformer: Send {
@@ -126,6 +132,15 @@ pub trait Deformer: Send {
     /// [`DeformError::WrongCount`] or [`DeformError::Handle`] for goals that do not fit or are no similarities,
     /// [`DeformError::Mesh`] for a pose that does not fit or is not finite, [`DeformError::ResultNotFinite`].
     fn solve(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError>;
+
+    /// As [`Self::solve`], but only as far as is worth showing while a handle is on its way, where a method knows such a stage:
+    /// [`Method::Implicit`] does its first system. When the handle stops, `solve` gives the result.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    fn solve_preview(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
+        self.solve(goals, positions)
+    }
 
     /// Makes ready for another region of the same rest shape: handles added, removed, grown, or moved between hard and soft.
     ///

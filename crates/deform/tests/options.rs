@@ -4,6 +4,7 @@ mod common;
 
 use common::pyramid;
 use pliant_deform::arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
+use pliant_deform::implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitStage};
 use pliant_deform::laplacian::{Details, LaplacianOptions};
 use pliant_deform::{DeformError, Handle, Method, Region};
 use pliant_mesh::VertexSet;
@@ -92,4 +93,44 @@ fn laplacian_options_are_read_and_printed() {
     let error = "laplacian:twostep".parse::<Method>().expect_err("unknown").to_string();
     assert!(error.contains("two-step") && error.contains("'twostep'"), "{error}");
     assert!(serde_json::from_str::<Method>(r#"{"laplacian": {"detail": "plain"}}"#).is_err());
+}
+
+#[test]
+fn implicit_options_are_read_and_printed() {
+    for (text, options) in [
+        ("implicit", ImplicitOptions::default()),
+        (
+            "implicit:uniform+rings=1",
+            ImplicitOptions { weights: EdgeWeightKind::Uniform, rings: 1, ..Default::default() },
+        ),
+        (
+            "implicit:gradients+keep-features+preview",
+            ImplicitOptions {
+                constraints: ImplicitConstraints::Gradients,
+                features: FeatureSize::Keep,
+                stage: ImplicitStage::Preview,
+                ..Default::default()
+            },
+        ),
+        (
+            "implicit:positions+scale-features",
+            ImplicitOptions {
+                constraints: ImplicitConstraints::Positions,
+                features: FeatureSize::Scale,
+                ..Default::default()
+            },
+        ),
+    ] {
+        let method = Method::Implicit(options);
+        assert_eq!(method.to_string(), text);
+        assert_eq!(text.parse(), Ok(method.clone()));
+        let json = serde_json::to_string(&method).expect("serialisable");
+        assert_eq!(serde_json::from_str::<Method>(&json).expect("the same"), method);
+    }
+    let defaults: Method = "implicit:cotangent+rings=2+both+auto-features+full".parse().expect("valid");
+    assert_eq!(defaults, Method::Implicit(ImplicitOptions::default()));
+    for wrong in ["implicit:rings", "implicit:rings=-1", "implicit:tolerance=1", "implicit:both+"] {
+        let error = wrong.parse::<Method>().expect_err(wrong).to_string();
+        assert!(error.contains("rings=N") && error.contains("scale-features"), "{error}");
+    }
 }

@@ -6,8 +6,9 @@ pub use pliant_cage::{
 };
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, DualHeights,
-    DualLaplacianOptions, EdgeWeightKind, Goals, Handle, HandleFault, LaplacianOptions, LinearSolver, Method,
-    PrepareReport, Region, Role, RotationInvariantOptions, SolveReport, Start, StepTimes, rotation_invariant,
+    DualLaplacianOptions, EdgeWeightKind, FeatureSize, Goals, Handle, HandleFault, ImplicitConstraints,
+    ImplicitOptions, ImplicitStage, LaplacianOptions, LinearSolver, Method, PrepareReport, Region, Role,
+    RotationInvariantOptions, SolveReport, Start, StepTimes, rotation_invariant,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,
