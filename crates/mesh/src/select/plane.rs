@@ -165,7 +165,8 @@ mod tests {
     #[test]
     fn a_sphere_is_cut_in_circles() {
         let sphere = shapes::icosphere(5);
-        for (height, normal) in [(0.0, DVec3::Y), (0.3, DVec3::new(1.0, 2.0, -0.5)), (-0.8, DVec3::new(0.0, -3.0, 1.0))] {
+        for (height, normal) in [(0.0, DVec3::Y), (0.3, DVec3::new(1.0, 2.0, -0.5)), (-0.8, DVec3::new(0.0, -3.0, 1.0))]
+        {
             let curves = cut(&sphere, normal.normalize() * height, normal);
             assert!(curves.len() == 1 && curves[0].closed);
             let square = 1.0 - height * height;
@@ -189,10 +190,11 @@ mod tests {
         found.sort_by(f64::total_cmp);
         expected.sort_by(f64::total_cmp);
         assert!(tubes.len() == 2 && rings.len() == 2);
-        for (a, b) in found.iter().zip(expected).chain(tubes.iter().map(PlaneCurve::area).collect::<Vec<_>>().iter().zip([
-            PI / 16.0;
-            2
-        ])) {
+        for (a, b) in found
+            .iter()
+            .zip(expected)
+            .chain(tubes.iter().map(PlaneCurve::area).collect::<Vec<_>>().iter().zip([PI / 16.0; 2]))
+        {
             assert!((a / b - 1.0).abs() < 2e-3, "{a} is not {b}");
         }
     }
@@ -218,7 +220,8 @@ mod tests {
         let cylinder = shapes::cylinder(0.5, 4.0, 500, 40, 6).expect("valid size");
         for (scale, offset) in [(1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 1e6)] {
             let place = |p: DVec3| p * scale + DVec3::splat(offset);
-            let moved = cylinder.with_positions(cylinder.positions.iter().map(|&p| place(p)).collect()).expect("finite");
+            let moved =
+                cylinder.with_positions(cylinder.positions.iter().map(|&p| place(p)).collect()).expect("finite");
             let aslant = cut(&moved, place(DVec3::new(0.0, 0.3, 0.0)), DVec3::new(1.0, 1.0, 0.0) * scale);
             let along = cut(&moved, place(DVec3::ZERO), DVec3::new(0.3, 0.0, 1.0));
             assert!(aslant.len() == 1 && along.len() == 1);

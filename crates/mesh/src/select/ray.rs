@@ -147,7 +147,8 @@ impl RayCaster {
         let (t, face, barycentric) = best?;
         let corners = self.topology.triangles()[face as usize].map(|v| self.positions[v as usize]);
         // Round one corner, so that the point of a face far from the origin stays on it.
-        let point = corners[0] + (corners[1] - corners[0]) * barycentric[1] + (corners[2] - corners[0]) * barycentric[2];
+        let point =
+            corners[0] + (corners[1] - corners[0]) * barycentric[1] + (corners[2] - corners[0]) * barycentric[2];
         Some(Hit { face, barycentric, distance: (ray.skipped + t) / self.frame.1, point })
     }
 

@@ -51,7 +51,9 @@ fn check(mesh: &TriMesh, caster: &RayCaster, ray: &Ray) -> bool {
         assert!((t * ray.direction.length() - hit.distance).abs() < 1e-11 * far);
         assert!((u - hit.barycentric[1]).abs() < noise && (v - hit.barycentric[2]).abs() < noise);
     }
-    assert!(hit.barycentric.iter().all(|w| *w >= 0.0) && (hit.barycentric.iter().sum::<f64>() - 1.0).abs() < 1e-15 * 4.0);
+    assert!(
+        hit.barycentric.iter().all(|w| *w >= 0.0) && (hit.barycentric.iter().sum::<f64>() - 1.0).abs() < 1e-15 * 4.0
+    );
     true
 }
 
@@ -137,14 +139,14 @@ fn rays_through_pixels_hit_what_is_seen_there() {
             let (back, reach) = camera.to_eye(p);
             let hit = caster.pick(&camera.ray(camera.project(p).expect("before the camera")));
             let at_vertex = hit.is_some_and(|h| h.point.distance(p) < 1e-9 && h.vertex(torus.topology()) == v as u32);
-            // Rays along the outline may miss by rounding.
+            // Rays along the outline may miss by rounding. Faces at a vertex turn by up to 22.5 degrees from its normal.
             let turned = crate::vertex_normals(torus.topology(), &torus.positions)[v].dot(back.normalize());
-            if turned.abs() > 0.2 {
+            if turned.abs() > 22.5_f64.to_radians().sin() {
                 assert_eq!(at_vertex, !caster.is_hidden(v as u32, back, reach), "{v}");
                 seen += usize::from(at_vertex);
             }
         }
-        assert!((150..500).contains(&seen), "{seen} of 640");
+        assert!((100..400).contains(&seen), "{seen} of 640");
         assert!(caster.pick(&camera.ray(DVec2::new(1.0, 1.0))).is_none());
     }
 }
@@ -157,7 +159,8 @@ fn moved_trees_answer_as_new_ones() {
     let mut random = Random(3);
     let mut rebuilt = 0;
     for amount in [0.01, 0.3, 40.0, 0.0] {
-        let wave = |p: &DVec3| *p * (1.0 + amount) + DVec3::new(amount * (37.0 * p.y).sin(), 0.0, amount * (29.0 * p.x).cos());
+        let wave =
+            |p: &DVec3| *p * (1.0 + amount) + DVec3::new(amount * (37.0 * p.y).sin(), 0.0, amount * (29.0 * p.x).cos());
         let moved = mesh.with_positions(mesh.positions.iter().map(wave).collect()).expect("finite");
         let before = caster.built_cost;
         caster.update(&moved.positions).expect("as many");

@@ -156,7 +156,8 @@ mod tests {
         for (camera, eye) in cameras() {
             let (back, reach) = camera.to_eye(DVec3::ZERO);
             let bound = if reach.is_finite() { eye.length().recip() } else { 0.0 };
-            let take = |seen| screen_box(sphere.topology(), &sphere.positions, &camera, everything, seen).expect("a box");
+            let take =
+                |seen| screen_box(sphere.topology(), &sphere.positions, &camera, everything, seen).expect("a box");
             // Faces are up to an edge (0.08) before and behind a vertex; faces hide what is that near to the outline.
             for (found, name) in [(take(Seen::Facing), "facing"), (take(Seen::Unhidden(&caster)), "unhidden")] {
                 for v in 0..sphere.vertex_count() as u32 {
@@ -171,7 +172,8 @@ mod tests {
     /// Of two squares one behind the other, the far one is hidden and faces the camera none the less; turned over, it does not.
     #[test]
     fn hidden_and_facing_are_not_the_same() {
-        let square = |z: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z) * 0.3);
+        let square =
+            |z: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z) * 0.3);
         let positions: Vec<DVec3> = square(0.0).into_iter().chain(square(-1.0).map(|p| p * 0.5)).collect();
         let faces = vec![[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]];
         let mesh = TriMesh::new(positions, faces).expect("squares");
@@ -185,8 +187,10 @@ mod tests {
         assert_eq!(take(Seen::Unhidden(&caster)), near);
         assert_eq!(take(Seen::Facing), near);
         assert_eq!(take(Seen::Through), VertexSet::all(8));
-        let turned = TriMesh::new(mesh.positions.clone(), vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]).expect("squares");
-        let facing = screen_box(turned.topology(), &turned.positions, &camera, everything, Seen::Facing).expect("a box");
+        let turned =
+            TriMesh::new(mesh.positions.clone(), vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]).expect("squares");
+        let facing =
+            screen_box(turned.topology(), &turned.positions, &camera, everything, Seen::Facing).expect("a box");
         assert_eq!(facing, (4..8).collect());
     }
 
@@ -199,7 +203,8 @@ mod tests {
         let camera = ScreenCamera::new(lens * view, DVec2::splat(64.0)).expect("a camera");
         let [far, middle] = [-10.0, 32.0].map(DVec2::splat);
         let way = [DVec2::new(32.0, -10.0), middle, DVec2::new(100.0, 100.0)];
-        let take = |polygon: &[DVec2]| lasso(grid.topology(), &grid.positions, &camera, polygon, Seen::Through).expect("one");
+        let take =
+            |polygon: &[DVec2]| lasso(grid.topology(), &grid.positions, &camera, polygon, Seen::Through).expect("one");
         let left = take(&[way[0], way[1], way[2], DVec2::new(-10.0, 100.0), far]);
         let right = take(&[way[2], way[1], way[0], DVec2::new(100.0, -10.0)]);
         assert!(left.intersection(&right).is_empty() && !right.is_empty());
@@ -212,7 +217,10 @@ mod tests {
         let (camera, _) = cameras()[0];
         let take = |polygon: &[DVec2], seen| lasso(sphere.topology(), &sphere.positions, &camera, polygon, seen);
         for corners in 0..3 {
-            assert_eq!(take(&star(DVec2::new(400.0, 300.0), 900.0)[..corners], Seen::Through), Ok(VertexSet::default()));
+            assert_eq!(
+                take(&star(DVec2::new(400.0, 300.0), 900.0)[..corners], Seen::Through),
+                Ok(VertexSet::default())
+            );
         }
         assert!(take(&[DVec2::ZERO, DVec2::X, DVec2::NAN], Seen::Through).is_err());
         let other = RayCaster::new(&shapes::icosphere(2));
