@@ -18,8 +18,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let matrix = directx::perspective(0.6, 4.0 / 3.0, 0.1, 100.0) * view::look_at_mat4(eye, DVec3::Y * 0.9, DVec3::Y);
     let camera = ScreenCamera::new(matrix, DVec2::new(1200.0, 900.0))?;
 
-    // A click is a ray, and the face it meets first has a corner nearest to it. Where these clicks are is known here from the bones of the
-    // creature's left arm: at the tip of a finger and before the shoulder.
+    // A click is a ray, and of the face it meets first the nearest corner is meant. Here the places are known from the creature's bones:
+    // the tip of a finger, and the upper arm.
     let caster = RayCaster::new(&shape);
     let click = |place: DVec3| {
         let pixel = camera.project(place)?;
@@ -36,9 +36,18 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cut along {} edges, {:.3} long", curve.edges.len(), curve.length());
     }
 
-    // The same clicks the other way round mean the rest of the body; a click that leaks says so.
-    let rest = select::water_fill(topology, positions, last, first, FillLimit::Plane)?;
-    println!("the other way round: {} vertices, {:?}", rest.region.len(), rest.closure);
+    // From the belly to a knee the plane cuts both legs, which the first rule reports; the second cuts only where the last click was.
+    let belly = click(DVec3::new(0.15, 0.75, 0.3)).ok_or("nothing was clicked")?;
+    let knee = click(DVec3::new(0.24, 0.28, 0.15)).ok_or("nothing was clicked")?;
+    for limit in [FillLimit::Plane, FillLimit::NearestCurves] {
+        let body = select::water_fill(topology, positions, belly, knee, limit)?;
+        println!(
+            "body by {limit:?}: {} vertices, {:?}, leaked: {}",
+            body.region.len(),
+            body.closure,
+            body.closure.leaked()
+        );
+    }
 
     // A hand to pull with, by a box on the screen; and what may move freely ends two rings before the rest.
     let corner = |x: f64, y: f64| camera.project(DVec3::new(x, y, 0.2)).ok_or("not before the camera");

@@ -8,7 +8,7 @@ use crate::{Topology, VertexSet};
 /// Vertices at most `radius` from `source`, measured along edges (Dijkstra).
 ///
 /// Paths along edges are longer than the true geodesic, by about a tenth on an even mesh. Costs `O(k log k)` for the `k`
-/// vertices reached.
+/// vertices reached, and an array over all.
 ///
 /// # Panics
 /// If `source` is not a vertex or `positions` is too short.

@@ -3,7 +3,7 @@
 //! | how | where |
 //! |---|---|
 //! | in space | [`in_box`], [`in_sphere`], [`in_half_space`], [`nearest_vertex`] |
-//! | along the surface | [`geodesic_ball`], [`water_fill`] |
+//! | along the surface | [`geodesic_ball`], [`water_fill`]; where a plane cuts it, [`plane_curves`] |
 //! | by rings and pieces of a set | [`grow`], [`shrink`], [`pieces`], [`piece_at`], [`border`], [`border_loops`] |
 //! | on the screen | [`ScreenCamera`], [`lasso`], [`screen_box`], [`RayCaster`] |
 //!

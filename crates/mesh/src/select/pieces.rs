@@ -7,7 +7,13 @@ use crate::{MeshError, Topology, VertexSet};
 /// A member that is no vertex.
 pub fn pieces(topology: &Topology, set: &VertexSet) -> Result<Vec<VertexSet>, MeshError> {
     let mut left = mask(topology, set)?;
-    Ok(set.iter().filter_map(|v| left[v as usize].then(|| take_piece(topology, &mut left, v))).collect())
+    let mut found = Vec::new();
+    for v in set.iter() {
+        if left[v as usize] {
+            found.push(take_piece(topology, &mut left, v));
+        }
+    }
+    Ok(found)
 }
 
 /// The connected piece of a set that holds `vertex`; empty if the vertex is no member.

@@ -44,8 +44,9 @@ impl Hit {
 
 /// Answers where rays meet a surface, by a tree of boxes.
 ///
-/// Boxes are kept in single precision, in a frame where the surface fills a unit cube, and a little too large; rays and faces meet in double
-/// precision. So the tree only decides what is looked at, and every answer is that of looking at all faces.
+/// Boxes are kept in single precision, in a frame where the surface fills a unit cube, and a little too large; rays and
+/// faces meet in double precision. So the tree only decides what is looked at, and every answer is that of looking at
+/// all faces.
 #[derive(Clone)]
 pub struct RayCaster {
     topology: Arc<Topology>,
@@ -207,7 +208,7 @@ impl RayCaster {
     }
 
     fn to_unit(&self, ray: &Ray) -> Option<UnitRay> {
-        // Halved in its exponent first, as the squares of a long direction may overflow.
+        // Brought to about unit length first, as squares of a long direction overflow and those of a short one vanish.
         let direction = (ray.direction / ray.direction.abs().max_element()).try_normalize()?;
         let origin = self.to_frame(ray.origin);
         let inverse = direction.recip();

@@ -92,37 +92,36 @@ fn a_cylinder_is_filled_ring_by_ring() {
     assert!((filled.curves[0].area() - 1.0).abs() < 1e-12 && filled.closure == Closure::Cap);
 }
 
-/// The cactus' arm goes sideways and then up. From its tip to a vertex under its root the line is aslant, and the plane there also meets
-/// the stem: Luo's flood runs over, while the curve nearest to the last vertex still does what it can.
+/// A walking stick: its tip hangs beside the shaft, lower than the last vertex, so the plane cuts both. Luo's flood from
+/// the tip stops at the first cut; the one that only the cut at the last vertex stops goes round the crook and comes to
+/// it from beyond.
 #[test]
 fn a_bent_limb_is_filled_up_to_the_cut_at_its_root() {
-    // A band bent twice: up, along and down again, so that a plane across one end meets the other end too.
-    let bar = shapes::bar(48, 4, 4, DVec3::new(6.0, 0.5, 0.5)).expect("valid size");
-    let bend = |p: &DVec3| {
-        let angle = (p.x + 3.0) / 6.0 * std::f64::consts::PI * 1.5;
-        DVec3::new((1.2 + p.y) * angle.cos(), (1.2 + p.y) * angle.sin(), p.z)
+    let (tip, turn, shaft) = (3.0, 0.6 * std::f64::consts::PI, 6.0);
+    let bar = shapes::bar(120, 4, 4, DVec3::new(tip + turn + shaft, 0.3, 0.3)).expect("valid size");
+    let start = bar.bounds().min.x;
+    let along: Vec<f64> = bar.positions.iter().map(|p| p.x - start).collect();
+    let bend = |(p, &s): (&DVec3, &f64)| {
+        let out = 0.6 + p.y;
+        let angle = (s - tip).clamp(0.0, turn) / 0.6;
+        let down = (tip - s).max(0.0) + (s - tip - turn).max(0.0);
+        DVec3::new(-out * angle.cos(), out * angle.sin() - down, p.z)
     };
-    let hook = bar.with_positions(bar.positions.iter().map(bend).collect()).expect("finite");
-    // From the end at 270 degrees back to 45 degrees: on the way the arc passes the plane through the last vertex and returns.
-    let place = |turn: f64| DVec3::new(1.45 * turn.to_radians().cos(), 1.45 * turn.to_radians().sin(), 0.0);
-    let [first, last] = [265.0, 45.0].map(|turn| nearest_vertex(&hook.positions, place(turn)).expect("not empty"));
-    let plain = fill(&hook, first, last, FillLimit::Plane);
-    assert_eq!(plain.region, by_definition(&hook, first, last));
-    let whole = fill(&hook, first, last, FillLimit::NearestCurves);
-    let turn = |v: u32| {
-        let p = bar.positions[v as usize];
-        (p.x + 3.0) * 45.0
-    };
-    assert!(plain.region.difference(&whole.region).is_empty());
-    assert!(whole.curves.len() == 1 && whole.closure == Closure::Cap);
-    assert!(whole.region.contains(first));
-    // All beyond the cut, by the angle along the hook, less what is aslant of it.
-    for v in 0..hook.vertex_count() as u32 {
-        if turn(v) > 100.0 {
-            assert!(whole.region.contains(v), "{}", turn(v));
-        }
+    let stick = bar.with_positions(bar.positions.iter().zip(&along).map(bend).collect()).expect("finite");
+    let (first, last) = (at(&stick, -0.6, -3.0, 0.0), at(&stick, 0.75, -0.5, 0.0));
+    let plain = fill(&stick, first, last, FillLimit::Plane);
+    assert_eq!(plain.region, by_definition(&stick, first, last));
+    assert!(plain.region.iter().all(|v| along[v as usize] < tip + 0.5 * turn));
+    let whole = fill(&stick, first, last, FillLimit::NearestCurves);
+    let [p, q] = [first, last].map(|v| stick.positions[v as usize]);
+    let beyond = in_half_space(&stick.positions, q, q - p);
+    assert_eq!(
+        whole.region,
+        VertexSet::where_true(along.len(), |v| along[v as usize] < tip + 0.5 * turn).union(&beyond)
+    );
+    for filled in [plain, whole] {
+        assert_eq!((filled.curves.len(), filled.closure), (1, Closure::Cap));
     }
-    assert!(whole.region.len() > plain.region.len() || plain.closure == Closure::Cap);
 }
 
 /// A torus is not parted by one of the two circles in which a plane cuts it: both are needed.
