@@ -171,6 +171,23 @@ fn of_two_limbs_in_the_plane_the_picked_one_is_cut() {
     assert_eq!(piece_at(creature.topology(), &rest, left), Ok(rest));
 }
 
+/// A closed curve parts a surface of genus 0, so there one cut is always enough; and fewer cuts never make a region smaller.
+#[test]
+fn one_cut_is_enough_without_handles() {
+    let creature = shapes::creature(3000).expect("in range");
+    let n = creature.vertex_count() as u32;
+    let mut curves = 0;
+    for (first, last) in (0..60).map(|i| (i * 7919 % n, i * 104_729 % n)).filter(|(a, b)| a != b) {
+        let plain = fill(&creature, first, last, FillLimit::Plane);
+        let one = fill(&creature, first, last, FillLimit::NearestCurves);
+        assert_eq!(plain.region, by_definition(&creature, first, last));
+        assert!(one.curves.len() <= 1 && matches!(one.closure, Closure::Cap | Closure::Everything));
+        assert!(plain.region.difference(&one.region).is_empty());
+        curves = plain.curves.len().max(curves);
+    }
+    assert!(curves > 2, "no plane cut more than {curves} curves");
+}
+
 /// A sleeve is open at the near end; a grid is open all round; and a plane through the farthest vertex stops nothing.
 #[test]
 fn leaks_are_told() {
