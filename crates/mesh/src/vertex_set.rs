@@ -47,6 +47,43 @@ impl VertexSet {
     pub fn contains(&self, vertex: u32) -> bool {
         self.vertices.binary_search(&vertex).is_ok()
     }
+
+    /// Members of either set; linear in both.
+    pub fn union(&self, other: &Self) -> Self {
+        self.merged(other, |_, _| true)
+    }
+
+    /// Members of both sets; linear in both.
+    pub fn intersection(&self, other: &Self) -> Self {
+        self.merged(other, |here, there| here && there)
+    }
+
+    /// Members of this set that are not in the other; linear in both.
+    pub fn difference(&self, other: &Self) -> Self {
+        self.merged(other, |_, there| !there)
+    }
+
+    /// The vertices of a mesh that are not members.
+    pub fn inverted(&self, vertex_count: usize) -> Self {
+        Self::all(vertex_count).difference(self)
+    }
+
+    /// The members of either set for which `keep(in this, in the other)` holds.
+    fn merged(&self, other: &Self, keep: impl Fn(bool, bool) -> bool) -> Self {
+        let (a, b) = (&self.vertices, &other.vertices);
+        let mut vertices = Vec::new();
+        let (mut i, mut j) = (0, 0);
+        while i < a.len() || j < b.len() {
+            let here = i < a.len() && (j == b.len() || a[i] <= b[j]);
+            let there = j < b.len() && (i == a.len() || b[j] <= a[i]);
+            if keep(here, there) {
+                vertices.push(if here { a[i] } else { b[j] });
+            }
+            i += usize::from(here);
+            j += usize::from(there);
+        }
+        Self { vertices }
+    }
 }
 
 impl FromIterator<u32> for VertexSet {
@@ -55,5 +92,24 @@ impl FromIterator<u32> for VertexSet {
         vertices.sort_unstable();
         vertices.dedup();
         Self { vertices }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every pair of subsets of five vertices, against membership asked vertex by vertex.
+    #[test]
+    fn algebra_agrees_with_membership() {
+        let subset = |bits: u32| VertexSet::where_true(5, |v| bits >> v & 1 == 1);
+        for (x, y) in (0..32).flat_map(|x| (0..32).map(move |y| (x, y))) {
+            let (a, b) = (subset(x), subset(y));
+            assert_eq!(a.union(&b), subset(x | y));
+            assert_eq!(a.intersection(&b), subset(x & y));
+            assert_eq!(a.difference(&b), subset(x & !y));
+            assert_eq!(a.inverted(5), subset(!x));
+        }
+        assert_eq!(VertexSet::from_iter([1, 7]).inverted(3), VertexSet::from_iter([0, 2]));
     }
 }

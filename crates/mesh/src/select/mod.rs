@@ -1,103 +1,63 @@
-//! Choosing vertices by geometry: boxes, balls and half-spaces in space, and balls along the surface.
+//! Choosing vertices by geometry and connectivity, as the tools of an artist do.
+//!
+//! | how | where |
+//! |---|---|
+//! | in space | [`in_box`], [`in_sphere`], [`in_half_space`], [`nearest_vertex`] |
+//! | along the surface | [`geodesic_ball`], [`water_fill`]; where a plane cuts it, [`plane_curves`] |
+//! | by rings and pieces of a set | [`grow`], [`shrink`], [`pieces`], [`piece_at`], [`border`], [`border_loops`] |
+//! | on the screen | [`ScreenCamera`], [`lasso`], [`screen_box`], [`RayCaster`] |
+//!
+//! Sets combine by [`VertexSet::union`] and its siblings. No result depends on the number of threads.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+mod camera;
+mod geodesic;
+mod pieces;
+mod plane;
+mod ray;
+mod rings;
+mod screen;
+mod space;
+mod water_fill;
+
+pub use camera::ScreenCamera;
+pub use geodesic::geodesic_ball;
+pub use pieces::{border, border_loops, piece_at, pieces};
+pub use plane::{PlaneCurve, plane_curves};
+pub use ray::{Hit, Ray, RayCaster};
+pub use rings::{grow, shrink};
+pub use screen::{Seen, lasso, screen_box};
+pub use space::{in_box, in_half_space, in_sphere, nearest_vertex};
+pub use water_fill::{Closure, FillLimit, WaterFill, water_fill};
 
 use glam::DVec3;
 
-use crate::{Bounds, Topology, VertexSet};
+use crate::{MeshError, Topology, VertexSet};
 
-/// Vertices inside or on an axis-aligned box.
-pub fn in_box(positions: &[DVec3], bounds: &Bounds) -> VertexSet {
-    VertexSet::where_true(positions.len(), |v| {
-        let p = positions[v as usize];
-        p.cmpge(bounds.min).all() && p.cmple(bounds.max).all()
-    })
-}
-
-/// Vertices at most `radius` from `centre`.
-pub fn in_sphere(positions: &[DVec3], centre: DVec3, radius: f64) -> VertexSet {
-    VertexSet::where_true(positions.len(), |v| positions[v as usize].distance(centre) <= radius)
-}
-
-/// Vertices on the side of the plane through `point` that `normal` points to, the plane included.
-pub fn in_half_space(positions: &[DVec3], point: DVec3, normal: DVec3) -> VertexSet {
-    VertexSet::where_true(positions.len(), |v| (positions[v as usize] - point).dot(normal) >= 0.0)
-}
-
-/// The vertex nearest to a point, the lowest number on a tie; `None` without vertices. Linear time.
-pub fn nearest_vertex(positions: &[DVec3], point: DVec3) -> Option<u32> {
-    let mut best: Option<(f64, u32)> = None;
-    for (v, p) in positions.iter().enumerate() {
-        let d = p.distance_squared(point);
-        if best.is_none_or(|(least, _)| d < least) {
-            best = Some((d, v as u32));
-        }
+/// Refuses a vertex that the mesh does not have.
+fn check_vertex(topology: &Topology, what: &'static str, vertex: u32) -> Result<(), MeshError> {
+    if (vertex as usize) < topology.vertex_count() {
+        return Ok(());
     }
-    best.map(|(_, v)| v)
+    let expected = format!("one of {} vertices (numbered from 0)", topology.vertex_count());
+    Err(MeshError::BadParameter { what, expected, found: vertex.to_string() })
 }
 
-/// Vertices at most `radius` from `source`, measured along edges (Dijkstra).
-///
-/// Paths along edges are longer than the true geodesic, by about a tenth on an even mesh. Costs `O(k log k)` for the `k`
-/// vertices reached.
-///
-/// # Panics
-/// If `source` is not a vertex or `positions` is too short.
-pub fn geodesic_ball(topology: &Topology, positions: &[DVec3], source: u32, radius: f64) -> VertexSet {
-    // Non-negative floats order like their bits, so that distances can be heap keys.
-    let key = |d: f64| d.to_bits();
-    let mut distance = vec![f64::INFINITY; topology.vertex_count()];
-    let mut heap = BinaryHeap::from([Reverse((key(0.0), source))]);
-    distance[source as usize] = 0.0;
-    let mut reached = Vec::new();
-    while let Some(Reverse((bits, v))) = heap.pop() {
-        let here = f64::from_bits(bits);
-        if here > distance[v as usize] {
-            continue;
-        }
-        reached.push(v);
-        for &w in topology.neighbours(v as usize) {
-            let there = here + positions[v as usize].distance(positions[w as usize]);
-            if there <= radius && there < distance[w as usize] {
-                distance[w as usize] = there;
-                heap.push(Reverse((key(there), w)));
-            }
-        }
+/// Refuses positions that do not fit the connectivity.
+fn check_positions(topology: &Topology, positions: &[DVec3]) -> Result<(), MeshError> {
+    if positions.len() == topology.vertex_count() {
+        return Ok(());
     }
-    reached.into_iter().collect()
+    Err(MeshError::PositionCount { expected: topology.vertex_count(), found: positions.len() })
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::shapes;
-
-    #[test]
-    fn space_selections_agree_with_their_definitions_on_a_grid() {
-        let grid = shapes::plane_grid(10, 10, 1.0, 1.0).expect("valid size");
-        let quarter = Bounds { min: DVec3::new(-0.5, -0.5, -1.0), max: DVec3::new(0.0, 0.0, 1.0) };
-        assert_eq!(in_box(&grid.positions, &quarter).len(), 36);
-        assert_eq!(in_half_space(&grid.positions, DVec3::ZERO, DVec3::X).len(), 6 * 11);
-        assert_eq!(in_sphere(&grid.positions, DVec3::ZERO, 0.1001).len(), 5);
-        assert_eq!(nearest_vertex(&grid.positions, DVec3::new(-9.0, -9.0, 0.0)), Some(0));
+/// Whether each vertex is a member; refuses a set with vertices that the mesh does not have.
+fn mask(topology: &Topology, set: &VertexSet) -> Result<Vec<bool>, MeshError> {
+    if let Some(&last) = set.as_slice().last() {
+        check_vertex(topology, "a member of a vertex set", last)?;
     }
-
-    /// Two sheets that nearly touch are far apart along the surface.
-    #[test]
-    fn a_geodesic_ball_does_not_jump_to_another_component() {
-        let one = shapes::icosphere(3);
-        let n = one.vertex_count() as u32;
-        let mut positions = one.positions.clone();
-        positions.extend(one.positions.iter().map(|p| *p + DVec3::new(2.001, 0.0, 0.0)));
-        let mut triangles = one.triangles().to_vec();
-        triangles.extend(one.triangles().iter().map(|t| t.map(|v| v + n)));
-        let topology = Topology::new(positions.len(), triangles).expect("two spheres");
-        let source = nearest_vertex(&positions[..n as usize], DVec3::X).expect("not empty");
-        let ball = geodesic_ball(&topology, &positions, source, 1.0);
-        assert!(ball.iter().all(|v| v < n));
-        // A cap of angle 1 holds (1 - cos 1) / 2 = 23 % of the sphere; edge paths shrink it a little.
-        let share = ball.len() as f64 / f64::from(n);
-        assert!(share > 0.16 && share < 0.24, "{share}");
+    let mut mask = vec![false; topology.vertex_count()];
+    for v in set.iter() {
+        mask[v as usize] = true;
     }
+    Ok(mask)
 }
