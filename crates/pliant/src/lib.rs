@@ -13,7 +13,8 @@ pub use pliant_io::picture::{
     write_png,
 };
 pub use pliant_io::{
-    Asset, Format, IoError, ReadReport, can_write, can_write_mesh, read, read_bytes, write, write_atomic, write_bytes,
+    Asset, FileError, Format, IoError, ReadReport, can_write, can_write_mesh, read, read_bytes, write, write_atomic,
+    write_bytes,
 };
 pub use pliant_linalg as linalg;
 pub use pliant_mesh::metrics::{
