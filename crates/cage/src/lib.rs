@@ -3,11 +3,14 @@
 //! The shape is the full-resolution mesh; the cage, or control mesh, is what a solver moves. [`simplify`] makes the
 //! cage, [`Binding`] ties the shape to it once at rest, and a [`Propagator`] carries every later pose of the cage over.
 //!
-//! This crate knows no solver, no file format and no handle.
+//! [`SavedCage`] keeps a cage and its binding as a file.
+//!
+//! This crate knows no solver, no mesh format and no handle.
 
 mod binding;
 mod error;
 mod far_field;
+mod file;
 mod mean_value;
 mod packed;
 mod propagate;
@@ -20,6 +23,7 @@ mod support;
 
 pub use binding::{BindOptions, Binding};
 pub use error::CageError;
+pub use file::{BindingFault, BindingFileError, Fingerprint, RowFault, SavedCage};
 pub use mean_value::MeanValue;
 pub use propagate::{Propagation, Propagator};
 pub use prune::Prune;
