@@ -287,7 +287,7 @@ fn what_is_no_file_is_refused_at_once() {
         assert!(load(&circle).contains("circle.pliant: cannot open: "));
         let closed = folder.path().join("closed.pliant");
         saved.save(&closed).expect("written");
-        fs::set_permissions(&closed, fs::Permissions::from_mode(0)).expect("ours");
+        fs::set_permissions(&closed, fs::Permissions::from_mode(0o000)).expect("ours");
         // Nothing is closed to the superuser.
         if fs::File::open(&closed).is_err() {
             assert!(load(&closed).contains("closed.pliant: cannot open: "));

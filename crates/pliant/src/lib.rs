@@ -1,8 +1,9 @@
 #![doc = include_str!("../../../README.md")]
 
 pub use pliant_cage::{
-    BindOptions, BindReport, Binding, CageError, CageSize, MeanValue, Propagation, Propagator, Prune, Simplified,
-    SimplifyOptions, SimplifyReport, Support, UNSAFE_MAGNITUDE, simplify,
+    BindOptions, BindReport, Binding, BindingFault, BindingFileError, CageError, CageSize, Fingerprint, MeanValue,
+    Propagation, Propagator, Prune, RowFault, SavedCage, Simplified, SimplifyOptions, SimplifyReport, Support,
+    UNSAFE_MAGNITUDE, simplify,
 };
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, EdgeWeightKind, Goals, Handle,

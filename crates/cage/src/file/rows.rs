@@ -68,13 +68,18 @@ pub(super) fn read(
 
 /// What [`crate::Binding`] says of its rows.
 fn check((indices, weights): (&[u32], &[f32]), vertices: usize) -> Result<(), RowFault> {
-    if let Some(&vertex) = indices.iter().find(|j| **j as usize >= vertices) {
-        return Err(RowFault::Vertex { vertex, vertices });
-    }
-    let (mut sum, mut magnitude) = (0.0, 0.0);
-    for &weight in weights {
+    let (leading, largest) = (indices[0], weights[0]);
+    let (mut highest, mut in_order, mut before) = (leading, true, None);
+    let (mut sum, mut magnitude) = (f64::from(largest), f64::from(largest.abs()));
+    for (&vertex, &weight) in indices[1..].iter().zip(&weights[1..]) {
+        in_order &= before < Some(vertex) && vertex != leading && weight <= largest;
+        before = Some(vertex);
+        highest = highest.max(vertex);
         sum += f64::from(weight);
         magnitude += f64::from(weight.abs());
+    }
+    if highest as usize >= vertices {
+        return Err(RowFault::Vertex { vertex: highest, vertices });
     }
     // Rows that cancel beyond this are replaced when they are made.
     if !magnitude.is_finite() || magnitude * CANCELLED > 1.0 + SLACK {
@@ -84,10 +89,5 @@ fn check((indices, weights): (&[u32], &[f32]), vertices: usize) -> Result<(), Ro
     if (sum - 1.0).abs() > SLACK + ROUNDING * magnitude {
         return Err(RowFault::Sum { sum });
     }
-    let others = &indices[1..];
-    let increasing = others.windows(2).all(|pair| pair[0] < pair[1]);
-    if !increasing || others.contains(&indices[0]) || weights.iter().any(|w| *w > weights[0]) {
-        return Err(RowFault::Order);
-    }
-    Ok(())
+    if in_order { Ok(()) } else { Err(RowFault::Order) }
 }
