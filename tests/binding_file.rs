@@ -11,7 +11,7 @@ use pliant::{
 /// poses have other bits, and the refusal says that no more than that is between them.
 #[test]
 fn the_same_mesh_from_other_formats() {
-    let shape = creature(1500).expect("valid");
+    let shape = creature(2000).expect("valid");
     let (simplify_options, options) = (SimplifyOptions::default(), BindOptions::default());
     let simplified = simplify(&shape, &simplify_options, &Silent).expect("valid");
     let binding = simplified.bind(&shape, &options, &Silent).expect("valid");

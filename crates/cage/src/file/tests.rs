@@ -189,7 +189,7 @@ fn broken_rows_are_named() {
     }
     match fault(&with(&file, weight(1), &f32::NAN.to_le_bytes()), &shape) {
         BindingFault::Row { row: found, fault: RowFault::Weight { weight }, .. } => {
-            assert!(found == row && weight.is_nan())
+            assert!(found == row && weight.is_nan());
         }
         other => panic!("{other}"),
     }
