@@ -194,8 +194,21 @@ impl Binding {
     }
 
     fn assemble(shape: &TriMesh, cage: &TriMesh, rows: Rows, smoothing: Option<Rows>, facts: RowFacts) -> Self {
+        let mut binding = Self::of_rows(shape, cage, rows, smoothing, BindReport::default());
+        binding.report = BindReport::of(&binding, facts);
+        binding
+    }
+
+    /// A binding of sound rows, both kinds numbered as the meshes are, that look as the report says.
+    pub(crate) fn of_rows(
+        shape: &TriMesh,
+        cage: &TriMesh,
+        rows: Rows,
+        smoothing: Option<Rows>,
+        report: BindReport,
+    ) -> Self {
         let packed = Packed::new(&rows, &shape.positions, &cage.positions);
-        let mut binding = Self {
+        Self {
             smoothing: smoothing.map(|rows| rows.renumbered(&packed.by_rank, &packed.rank)),
             packed,
             shape: shape.positions.clone(),
@@ -203,10 +216,8 @@ impl Binding {
             cage: cage.positions.clone(),
             cage_topology: cage.shared_topology(),
             rows,
-            report: BindReport::default(),
-        };
-        binding.report = BindReport::of(&binding, facts);
-        binding
+            report,
+        }
     }
 
     /// What the rows look like.

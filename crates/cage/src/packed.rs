@@ -229,27 +229,35 @@ impl Block {
             .collect();
         order.sort_unstable();
         let mut runs: Vec<(u32, u32)> = Vec::new();
-        let (mut indices, mut weights) = (Vec::new(), Vec::new());
-        for &(length, _, place) in &order {
+        for &(length, _, _) in &order {
             match runs.last_mut() {
                 Some(run) if run.0 == length => run.1 += 1,
                 _ => runs.push((length, 1)),
             }
-            let row = rows.row(first + place as usize);
-            indices.extend(row.0.iter().map(|&j| rank[j as usize]));
-            weights.extend_from_slice(row.1);
         }
+        let row = |o: &(u32, u32, u16)| rows.row(first + o.2 as usize);
+        let entries = order.iter().map(|o| o.0 as usize).sum();
+        let mut weights = Vec::with_capacity(entries);
+        order.iter().for_each(|o| weights.extend_from_slice(row(o).1));
+        let indices = match narrow {
+            true => Indices::Narrow(gather(order.iter().map(|o| row(o).0), entries, |j| rank[j as usize] as u16)),
+            false => Indices::Wide(gather(order.iter().map(|o| row(o).0), entries, |j| rank[j as usize])),
+        };
         Self {
             runs,
             rest: order.iter().map(|o| shape[first + o.2 as usize].as_vec3()).collect(),
             place: order.iter().map(|o| o.2).collect(),
-            indices: match narrow {
-                true => Indices::Narrow(indices.iter().map(|&j| j as u16).collect()),
-                false => Indices::Wide(indices),
-            },
+            indices,
             weights,
         }
     }
+}
+
+/// The numbers of all rows' indices end to end, `entries` in all.
+fn gather<'a, I>(rows: impl Iterator<Item = &'a [u32]>, entries: usize, number: impl Fn(u32) -> I) -> Vec<I> {
+    let mut gathered = Vec::with_capacity(entries);
+    rows.for_each(|indices| gathered.extend(indices.iter().map(|&j| number(j))));
+    gathered
 }
 
 /// The work on one block, compiled for the widest vectors there are. Products and sums stay apart, so bits do not depend on

@@ -69,7 +69,7 @@ impl RowFacts {
 }
 
 /// A kept row whose weights sum to less than this share of their magnitudes cannot be scaled to sum 1.
-const CANCELLED: f64 = 1e-9;
+pub(crate) const CANCELLED: f64 = 1e-9;
 
 /// Below this share nearly every cage vertex may be kept, and groups gain nothing.
 const LEAST_SHARE: f64 = 1e-4;

@@ -1,12 +1,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use pliant_files::read_regular;
 use pliant_mesh::{CleanReport, TriMesh, clean_soup};
 use serde::Serialize;
 
 use crate::error::Fault;
 use crate::soup::Soup;
-use crate::source::read_regular;
 use crate::{Format, IoError, gltf, obj, off, ply, stl};
 
 /// A mesh read from a file, in normal form, and how the file maps to it.
@@ -49,7 +49,7 @@ pub struct ReadReport {
 /// not a regular file.
 pub fn read(path: &Path) -> Result<Asset, IoError> {
     let format = Format::among(Format::READABLE, path, "read")?;
-    let bytes = read_regular(path)?;
+    let bytes = read_regular(path, u64::MAX)?;
     // The folder of "mesh.gltf" is "", which means here.
     let folder = path.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
     parse(&bytes, format, path, folder)

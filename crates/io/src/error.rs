@@ -1,6 +1,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use pliant_files::FileError;
 use pliant_mesh::MeshError;
 use thiserror::Error;
 
@@ -8,24 +9,9 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum IoError {
-    /// The operating system refused.
-    #[error("{}: cannot {action}: {source}", path.display())]
-    System {
-        /// The file or folder.
-        path: PathBuf,
-        /// What was tried, as a verb phrase ("open", "write").
-        action: &'static str,
-        /// Its answer.
-        source: std::io::Error,
-    },
-    /// The path leads to something that is not read or overwritten: a folder, a pipe, a device, a write-protected file.
-    #[error("{}: {reason}", path.display())]
-    Refused {
-        /// The path.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
+    /// The file itself could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The file's extension names no known format.
     #[error("{}: cannot {action} {}; use one of: {}", path.display(), extension_text(extension.as_deref()), supported.join(", "))]
     Extension {

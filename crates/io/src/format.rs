@@ -59,3 +59,26 @@ pub(crate) fn check_extension(path: &Path, supported: &[&str], action: &'static 
         supported: supported.iter().map(ToString::to_string).collect(),
     })
 }
+
+/// Whether a file could be written: for use before a long computation whose result should go there.
+///
+/// Checks that the extension is one of `extensions` (without dots, case ignored; an empty list allows any) and that a file
+/// could be written there ([`pliant_files::probe`]). Meshes: [`can_write_mesh`].
+///
+/// # Errors
+/// Another extension, or what [`pliant_files::write_atomic`] would say.
+pub fn can_write(path: &Path, extensions: &[&str]) -> Result<(), IoError> {
+    if !extensions.is_empty() {
+        check_extension(path, extensions, "write")?;
+    }
+    Ok(pliant_files::probe(path)?)
+}
+
+/// [`can_write`] for the formats of [`crate::write`].
+///
+/// # Errors
+/// As [`can_write`].
+pub fn can_write_mesh(path: &Path) -> Result<(), IoError> {
+    let extensions: Vec<&str> = Format::WRITABLE.iter().map(|f| f.extension()).collect();
+    can_write(path, &extensions)
+}

@@ -10,7 +10,6 @@
 //! This crate knows no cage, no solver and no edit.
 
 mod asset;
-mod atomic;
 mod error;
 mod format;
 mod gltf;
@@ -19,13 +18,12 @@ mod off;
 pub mod picture;
 mod ply;
 mod soup;
-mod source;
 mod stl;
 mod text;
 mod write;
 
 pub use asset::{Asset, ReadReport, read, read_bytes};
-pub use atomic::{can_write, can_write_mesh, write_atomic};
 pub use error::{IoError, Place};
-pub use format::Format;
+pub use format::{Format, can_write, can_write_mesh};
+pub use pliant_files::{FileError, write_atomic};
 pub use write::{write, write_bytes};

@@ -1,8 +1,9 @@
 #![doc = include_str!("../../../README.md")]
 
 pub use pliant_cage::{
-    BindOptions, BindReport, Binding, CageError, CageSize, MeanValue, Propagation, Propagator, Prune, Simplified,
-    SimplifyOptions, SimplifyReport, Support, UNSAFE_MAGNITUDE, simplify,
+    BindOptions, BindReport, Binding, BindingFault, BindingFileError, CageError, CageSize, Fingerprint, MeanValue,
+    Propagation, Propagator, Prune, RowFault, SavedCage, Simplified, SimplifyOptions, SimplifyReport, Support,
+    UNSAFE_MAGNITUDE, simplify,
 };
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, DualHeights,
@@ -15,7 +16,8 @@ pub use pliant_io::picture::{
     write_png,
 };
 pub use pliant_io::{
-    Asset, Format, IoError, ReadReport, can_write, can_write_mesh, read, read_bytes, write, write_atomic, write_bytes,
+    Asset, FileError, Format, IoError, ReadReport, can_write, can_write_mesh, read, read_bytes, write, write_atomic,
+    write_bytes,
 };
 pub use pliant_linalg as linalg;
 pub use pliant_mesh::metrics::{

@@ -7,9 +7,9 @@ use ::gltf::json::Root;
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
+use pliant_files::read_regular;
 
 use crate::error::Fault;
-use crate::source::read_regular;
 
 /// JSON text and binary chunk of a file, which is a GLB if it says so and plain JSON if not.
 pub(super) fn container(bytes: &[u8]) -> Result<(&[u8], Option<Vec<u8>>), Fault> {
@@ -80,7 +80,7 @@ impl<'a> Buffers<'a> {
         }
         let folder = self.folder.ok_or("lies in another file, which is not opened here")?;
         let path = path_inside(folder, uri)?;
-        let bytes = read_regular(&path).map_err(|e| e.to_string())?;
+        let bytes = read_regular(&path, u64::MAX).map_err(|e| e.to_string())?;
         self.new_external.set(self.new_external.get() + bytes.len() as u64);
         Ok(bytes)
     }

@@ -26,7 +26,7 @@ use glam::DVec3;
 use pliant_mesh::{Bounds, TriMesh};
 use thiserror::Error;
 
-use crate::{IoError, write_atomic};
+use crate::{FileError, IoError, write_atomic};
 pub use camera::View;
 pub use colour::colour_map;
 pub use strip::{strip, trim_alike};
@@ -213,6 +213,6 @@ impl Picture {
 /// Another extension than png, a picture that is no picture ([`Picture::to_png`]), or the system's answer.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), IoError> {
     crate::format::check_extension(path, &["png"], "write")?;
-    let bytes = picture.to_png().map_err(|e| IoError::Refused { path: path.to_owned(), reason: e.to_string() })?;
-    write_atomic(path, &bytes)
+    let bytes = picture.to_png().map_err(|e| FileError::Refused { path: path.to_owned(), reason: e.to_string() })?;
+    Ok(write_atomic(path, &bytes)?)
 }

@@ -29,7 +29,7 @@ use crate::{Format, IoError, write_atomic};
 /// whose size exceeds 4 GiB; or the system's answer.
 pub fn write(path: &Path, mesh: &TriMesh) -> Result<(), IoError> {
     let format = Format::among(Format::WRITABLE, path, "write")?;
-    write_atomic(path, &encode(mesh, format, path)?)
+    Ok(write_atomic(path, &encode(mesh, format, path)?)?)
 }
 
 /// The bytes of a file, as [`write()`] makes them; `<bytes>` stands for its path in messages.

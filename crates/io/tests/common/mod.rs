@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses some of them")]
 
 use glam::DVec3;
-use pliant_io::{Asset, Format, IoError, read_bytes};
+use pliant_io::{Asset, Format, read_bytes};
 use pliant_mesh::TriMesh;
 
 /// Reads a literal file that is right.
@@ -16,7 +16,7 @@ pub(crate) fn error(text: impl AsRef<[u8]>, format: Format) -> String {
 }
 
 /// The message of any result.
-pub(crate) fn message<T>(result: Result<T, IoError>) -> String {
+pub(crate) fn message<T>(result: Result<T, impl std::fmt::Display>) -> String {
     result.err().expect("this fails").to_string()
 }
 

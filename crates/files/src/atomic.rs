@@ -2,8 +2,7 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use crate::IoError;
-use crate::format::check_extension;
+use crate::FileError;
 use crate::source::refuse_irregular;
 
 /// Writes a file so that at any moment, even after a power cut, it is either the old one or the new one, complete.
@@ -13,9 +12,9 @@ use crate::source::refuse_irregular;
 ///
 /// # Errors
 /// The path is a folder, device or write-protected file, or the system's answer; the temporary file is removed then.
-pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), IoError> {
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let target = Target::of(path)?;
-    let system = |action, source| IoError::System { path: path.to_owned(), action, source };
+    let system = |action, source| FileError::System { path: path.to_owned(), action, source };
     let mut temporary = target.temporary().map_err(|e| system("write", e))?;
     temporary.write_all(bytes).map_err(|e| system("write", e))?;
     if let Some(permissions) = target.permissions {
@@ -33,27 +32,14 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), IoError> {
 
 /// Whether a file could be written: for use before a long computation whose result should go there.
 ///
-/// Checks that the extension is one of `extensions` (without dots, case ignored), that the path is free or a regular
-/// file that may be replaced, and that its folder takes a new file (by making one and removing it). An empty list
-/// allows any extension. Meshes: [`can_write_mesh`].
+/// Checks that the path is free or a regular file that may be replaced, and that its folder takes a new file (by making one and
+/// removing it).
 ///
 /// # Errors
 /// What [`write_atomic`] would say.
-pub fn can_write(path: &Path, extensions: &[&str]) -> Result<(), IoError> {
-    if !extensions.is_empty() {
-        check_extension(path, extensions, "write")?;
-    }
+pub fn probe(path: &Path) -> Result<(), FileError> {
     let probe = Target::of(path)?.temporary();
-    probe.map(drop).map_err(|source| IoError::System { path: path.to_owned(), action: "write", source })
-}
-
-/// [`can_write`] for the formats of [`crate::write`].
-///
-/// # Errors
-/// As [`can_write`].
-pub fn can_write_mesh(path: &Path) -> Result<(), IoError> {
-    let extensions: Vec<&str> = crate::Format::WRITABLE.iter().map(|f| f.extension()).collect();
-    can_write(path, &extensions)
+    probe.map(drop).map_err(|source| FileError::System { path: path.to_owned(), action: "write", source })
 }
 
 /// Where a file will stand.
@@ -65,13 +51,13 @@ struct Target {
 }
 
 impl Target {
-    fn of(path: &Path) -> Result<Self, IoError> {
-        let system = |source| IoError::System { path: path.to_owned(), action: "write", source };
+    fn of(path: &Path) -> Result<Self, FileError> {
+        let system = |source| FileError::System { path: path.to_owned(), action: "write", source };
         let (target, permissions) = match fs::metadata(path) {
             Ok(there) => {
                 refuse_irregular(path, there.file_type())?;
                 if there.permissions().readonly() {
-                    return Err(IoError::Refused { path: path.to_owned(), reason: "is write-protected".to_owned() });
+                    return Err(FileError::Refused { path: path.to_owned(), reason: "is write-protected".to_owned() });
                 }
                 (path.canonicalize().map_err(system)?, Some(there.permissions()))
             }
@@ -79,7 +65,7 @@ impl Target {
             Err(e) => return Err(system(e)),
         };
         if target.file_name().is_none() {
-            return Err(IoError::Refused { path: path.to_owned(), reason: "is not the name of a file".to_owned() });
+            return Err(FileError::Refused { path: path.to_owned(), reason: "is not the name of a file".to_owned() });
         }
         let folder = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
@@ -87,7 +73,7 @@ impl Target {
         };
         if !folder.is_dir() {
             let reason = format!("the folder {} does not exist", folder.display());
-            return Err(IoError::Refused { path: path.to_owned(), reason });
+            return Err(FileError::Refused { path: path.to_owned(), reason });
         }
         Ok(Self { path: target, folder, permissions })
     }
