@@ -29,7 +29,10 @@ pub use pliant_mesh::{
     Progress, Silent, Similarity, Topology, TriMesh, VertexSet, best_rotation, clean_soup, mixed_voronoi_areas, select,
     shapes, vertex_normals,
 };
-pub use pliant_session::{Carried, CoarseStart, Levels, NoRoom, carry_region};
+pub use pliant_session::{
+    Autosave, Carried, CoarseStart, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Grip,
+    Levels, NoRoom, Ranges, SessionError, SurfacePoint, Update, carry_region,
+};
 pub use pliant_study::{
     Bound, Caged, Detail, Dragged, Iterations, ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError,
     Schedule, Stages, StartFrom, Study, StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan,

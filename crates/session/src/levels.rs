@@ -77,7 +77,8 @@ impl Levels {
         self.levels.iter().map(|level| level.mesh.vertex_count())
     }
 
-    /// Prepares a method on the cage the levels were made for, to start from their answer where the goals are far.
+    /// Prepares a method on the cage the levels were made for, in whatever pose it rests now, to start from their answer where the goals
+    /// are far.
     ///
     /// # Errors
     /// As [`Method::prepare`]. A level on which the region cannot be prepared is left out.
@@ -134,6 +135,7 @@ pub struct CoarseStart {
 /// A level with the region on it.
 struct Active {
     level: Arc<Level>,
+    rest: Vec<DVec3>,
     region: Region,
     deformer: Box<dyn Deformer>,
     /// The pose before and after the solve.
@@ -152,11 +154,13 @@ impl CoarseStart {
         let Self { rest, coarse_method: Some(options), region, all, active, .. } = self else { return };
         for (k, level) in all.levels.iter().enumerate() {
             let (finer, coarser) = active.split_at_mut(k);
-            let (region, rest) = match finer.last() {
+            let (region, finer_rest) = match finer.last() {
                 None => (&*region, &*rest),
-                Some(finer) => (&finer.region, &finer.level.mesh.positions),
+                Some(finer) => (&finer.region, &finer.rest),
             };
-            let carried = carry_region(region, &level.origin, rest, &level.mesh.positions);
+            // The cage may have been edited since the levels were made: what it is now is at rest.
+            let rest: Vec<DVec3> = level.origin.iter().map(|&v| finer_rest[v as usize]).collect();
+            let carried = carry_region(region, &level.origin, finer_rest, &rest);
             let made = carried.ok().and_then(|carried| {
                 let (region, _) = carried.region.without_unconstrained(level.mesh.topology());
                 if let Some(known) = coarser.first_mut() {
@@ -166,9 +170,10 @@ impl CoarseStart {
                 }
                 let iterations = ITERATIONS[usize::from(k + 1 < all.levels.len())];
                 let method = Method::Arap(ArapOptions { iterations, ..options.clone() });
-                let deformer = method.prepare(&level.mesh, &region).ok()?;
-                let pose = level.mesh.positions.clone();
-                Some(Some(Active { level: Arc::clone(level), region, deformer, from: pose.clone(), to: pose }))
+                let mesh = level.mesh.with_positions(rest.clone()).ok()?;
+                let deformer = method.prepare(&mesh, &region).ok()?;
+                let (from, to) = (rest.clone(), rest.clone());
+                Some(Some(Active { level: Arc::clone(level), rest, region, deformer, from, to }))
             });
             match made {
                 Some(new) => active.extend(new),

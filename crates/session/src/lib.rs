@@ -1,10 +1,20 @@
 //! Where cages, bindings and solvers meet: they do not know each other, and an edit needs all of them.
 //!
+//! [`Editor`] is an editing session: handles on the shape, previews at display rate, releases, undo, documents.
 //! [`Levels`] puts coarser cages above a cage, so that a solver starts near its goal. [`carry_region`] is the one place where handles
 //! go from a mesh to a coarser one.
 
+mod editor;
+mod error;
+mod history;
 mod levels;
+mod snap;
 mod transfer;
 
+pub use editor::{
+    Autosave, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Grip, Ranges, SurfacePoint,
+    Update,
+};
+pub use error::SessionError;
 pub use levels::{CoarseStart, Levels};
 pub use transfer::{Carried, NoRoom, carry_region};

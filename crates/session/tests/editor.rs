@@ -1,0 +1,313 @@
+//! What an editor promises, whatever is done with it.
+
+use std::time::Duration;
+
+use glam::DVec3;
+use pliant_cage::{CageSize, SavedCage};
+use pliant_deform::Constraint;
+use pliant_mesh::{Silent, Similarity, TriMesh, VertexSet, shapes};
+use pliant_session::{Document, Editor, EditorOptions, Grip, SessionError, SurfacePoint};
+
+fn bar() -> TriMesh {
+    shapes::bar(40, 6, 6, DVec3::new(6.0, 0.9, 0.9)).expect("valid")
+}
+
+fn options() -> EditorOptions {
+    EditorOptions { cage: CageSize::Fraction(0.1), ..EditorOptions::default() }
+}
+
+fn open(shape: &TriMesh) -> Editor {
+    Editor::open(shape.clone(), options(), &Silent).expect("valid")
+}
+
+fn where_x(mesh: &TriMesh, inside: impl Fn(f64) -> bool) -> VertexSet {
+    VertexSet::where_true(mesh.vertex_count(), |v| inside(mesh.positions[v as usize].x))
+}
+
+fn low(mesh: &TriMesh) -> Grip {
+    Grip::Vertices(where_x(mesh, |x| x < -2.8))
+}
+
+fn high(mesh: &TriMesh) -> Grip {
+    Grip::Vertices(where_x(mesh, |x| x > 2.8))
+}
+
+fn turn() -> Similarity {
+    Similarity { translation: DVec3::new(-1.0, 1.5, 0.2), ..Similarity::about(DVec3::ZERO, DVec3::Z, 0.7, 1.0) }
+}
+
+fn bits(positions: &[DVec3]) -> Vec<[u64; 3]> {
+    positions.iter().map(|p| p.to_array().map(f64::to_bits)).collect()
+}
+
+#[test]
+fn hard_handles_land_exactly_and_the_rest_stays_whole() {
+    let shape = bar();
+    let mut editor = open(&shape);
+    editor.anchor(low(&shape)).expect("valid");
+    let handle = editor.grab(high(&shape)).expect("valid");
+    editor.drag(handle, turn()).expect("a similarity");
+    for _ in 0..3 {
+        editor.update(Duration::ZERO).expect("solvable");
+        for v in where_x(&shape, |x| x > 2.8).iter().map(|v| v as usize) {
+            assert_eq!(editor.positions()[v], turn().apply(shape.positions[v]));
+        }
+    }
+    let released = editor.release("bend").expect("solvable");
+    assert!(released.solves > 1 && released.changed == (0..shape.vertex_count()));
+    // A bend by 40 degrees over four lengths of the bar's width: no edge doubles or halves.
+    for &[a, b] in shape.topology().edges() {
+        let [a, b] = [a as usize, b as usize];
+        let ratio =
+            editor.positions()[a].distance(editor.positions()[b]) / shape.positions[a].distance(shape.positions[b]);
+        assert!(ratio > 0.5 && ratio < 2.0, "{ratio}");
+    }
+    assert!(editor.handles().iter().all(|h| h.goal == Similarity::IDENTITY));
+}
+
+/// One vertex that the cage does not have, a point inside a face, and a thousand single vertices at once.
+#[test]
+fn handles_need_no_cage_vertices() {
+    let shape = shapes::icosphere(4);
+    let mut editor = open(&shape);
+    let saved = editor.saved_cage();
+    let origin = &saved.simplified.as_ref().expect("made of the shape").1.origin;
+    let lost = (0..shape.vertex_count() as u32).find(|v| !origin.contains(v)).expect("most are lost");
+    let far = |mesh: &TriMesh, from: DVec3| {
+        VertexSet::where_true(mesh.vertex_count(), |v| mesh.positions[v as usize].dot(from) < -0.5)
+    };
+    let at = shape.positions[lost as usize];
+    editor.anchor(Grip::Vertices(far(&shape, at))).expect("valid");
+    let handle = editor.grab(Grip::vertex(lost)).expect("valid");
+    editor.drag_to(handle, 1.4 * at).expect("valid");
+    editor.release("pull a vertex").expect("solvable");
+    assert!(editor.positions()[lost as usize].distance(1.4 * at) < 1e-12);
+
+    let mut editor = open(&shape);
+    let point = SurfacePoint { face: 17, barycentric: [0.2, 0.5, 0.3] };
+    let place = |positions: &[DVec3]| {
+        let corners = shape.triangles()[17];
+        (0..3).map(|k| point.barycentric[k] * positions[corners[k] as usize]).sum::<DVec3>()
+    };
+    let before = place(&shape.positions);
+    editor.anchor(Grip::Vertices(far(&shape, before))).expect("valid");
+    let handle = editor.grab(Grip::Point(point)).expect("valid");
+    editor.drag_to(handle, 1.3 * before).expect("valid");
+    editor.release("pull a point").expect("solvable");
+    assert!(place(editor.positions()).distance(1.3 * before) < 1e-12);
+}
+
+#[test]
+fn outside_the_region_nothing_moves() {
+    let shape = bar();
+    let mut editor = open(&shape);
+    let region = where_x(&shape, |x| x > 0.5);
+    editor.set_region(Some(region.clone())).expect("valid");
+    let handle = editor.grab(high(&shape)).expect("valid");
+    editor.drag(handle, turn()).expect("a similarity");
+    let update = editor.release("bend one half").expect("solvable");
+    for v in 0..shape.vertex_count() {
+        if !region.contains(v as u32) {
+            assert_eq!(bits(&editor.positions()[v..=v]), bits(&shape.positions[v..=v]));
+        }
+    }
+    let moved = (0..shape.vertex_count()).filter(|&v| editor.positions()[v] != shape.positions[v]);
+    assert!(moved.clone().count() > 100 && moved.clone().all(|v| update.changed.contains(&v)));
+}
+
+#[test]
+fn two_edits_and_two_undos_give_back_the_bits() {
+    let shape = shapes::creature(2000).expect("valid");
+    let mut editor = open(&shape);
+    let bounds = shape.bounds();
+    let part = |low: bool| {
+        Grip::Vertices(VertexSet::where_true(shape.vertex_count(), |v| {
+            let y = bounds.to_box(shape.positions[v as usize]).y;
+            if low { y < 0.15 } else { y > 0.85 }
+        }))
+    };
+    let [held, moved] = [part(true), part(false)].map(|grip| editor.grab(grip).expect("valid"));
+    editor.drag(moved, Similarity::about(bounds.centre(), DVec3::Z, 0.5, 1.0)).expect("valid");
+    editor.release("first").expect("solvable");
+    let first = bits(editor.positions());
+    editor.drag(held, Similarity::translation(DVec3::X * 0.1 * bounds.diagonal())).expect("valid");
+    editor.release("second").expect("solvable");
+    let second = bits(editor.positions());
+    assert!(editor.undo() && bits(editor.positions()) == first);
+    assert!(editor.undo() && bits(editor.positions()) == bits(&shape.positions));
+    assert!(!editor.undo());
+    assert!(editor.redo() && editor.redo() && !editor.redo());
+    assert!(bits(editor.positions()) == second);
+}
+
+/// A thousand operations, and again and again the document gives the same bits in another editor.
+#[test]
+fn random_sessions_never_diverge_from_their_replay() {
+    let shape = shapes::bar(16, 3, 3, DVec3::new(6.0, 0.9, 0.9)).expect("valid");
+    let mut editor =
+        Editor::open(shape.clone(), EditorOptions { release_solves: 2, ..options() }, &Silent).expect("valid");
+    let mut state = 7u64;
+    let mut random = |below: u64| {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) % below
+    };
+    let grips = |k: u64| match k {
+        0 => low(&shape),
+        1 => high(&shape),
+        2 => Grip::Vertices(where_x(&shape, |x| x.abs() < 0.3)),
+        k => Grip::vertex(k as u32 * 5),
+    };
+    editor.anchor(low(&shape)).expect("valid");
+    let mut compared = 0;
+    for operation in 0..1000 {
+        match random(10) {
+            0 => _ = editor.undo(),
+            1 => _ = editor.redo(),
+            2 => _ = editor.grab(grips(random(12))),
+            3 if editor.handles().len() > 1 => {
+                let id = editor.handles()[random(editor.handles().len() as u64) as usize].id;
+                editor.remove_handle(id).expect("there");
+            }
+            4 => _ = editor.update(Duration::ZERO),
+            5 => editor.cancel(),
+            6 => _ = editor.set_region((random(2) == 0).then(|| where_x(&shape, |x| x > -2.0))),
+            7 => _ = editor.release_on("strokes"),
+            _ => {
+                let id = editor.handles()[random(editor.handles().len() as u64) as usize].id;
+                let angle = random(100) as f64 / 200.0;
+                let goal = Similarity {
+                    translation: DVec3::Y * angle,
+                    ..Similarity::about(DVec3::ZERO, DVec3::Z, angle, 1.0)
+                };
+                editor.drag(id, goal).expect("a similarity");
+                _ = editor.release("step");
+            }
+        }
+        if operation % 250 == 249 {
+            editor.cancel();
+            let document = Document::parse(editor.document("bar").to_json().expect("finite").as_bytes()).expect("own");
+            let mut again = Editor::replay(&document, shape.clone(), &Silent).expect("same mesh");
+            assert_eq!(again.document("bar"), document);
+            assert!(bits(again.positions()) == bits(editor.positions()), "operation {operation}");
+            assert!(bits(again.cage_positions()) == bits(editor.cage_positions()), "operation {operation}");
+            // Whatever can be redone there gives the same, too.
+            let depth = editor.undo_depth().1;
+            for _ in 0..depth {
+                assert!(again.redo() && editor.redo());
+            }
+            assert!(bits(again.positions()) == bits(editor.positions()), "operation {operation}, redone");
+            for _ in 0..depth {
+                assert!(editor.undo());
+            }
+            compared += document.steps.len();
+        }
+    }
+    assert!(compared > 100, "{compared} steps");
+}
+
+#[test]
+fn strokes_are_one_step() {
+    let shape = bar();
+    let mut editor = open(&shape);
+    editor.anchor(low(&shape)).expect("valid");
+    let handle = editor.grab(high(&shape)).expect("valid");
+    for _ in 0..3 {
+        editor.drag(handle, Similarity::translation(DVec3::Y * 0.2)).expect("valid");
+        editor.release_on("lift").expect("solvable");
+    }
+    assert_eq!(editor.undo_depth(), (1, 0));
+    let lifted = bits(editor.positions());
+    assert!(editor.undo() && bits(editor.positions()) == bits(&shape.positions));
+    assert!(editor.redo() && bits(editor.positions()) == lifted);
+    let again = Editor::replay(&editor.document("bar"), shape.clone(), &Silent).expect("same mesh");
+    assert!(bits(again.positions()) == lifted && again.undo_depth() == (1, 0));
+}
+
+#[test]
+fn a_failed_transaction_leaves_no_trace() {
+    let shape = bar();
+    let mut editor = open(&shape);
+    editor.anchor(low(&shape)).expect("valid");
+    let handle = editor.grab(high(&shape)).expect("valid");
+    editor.drag(handle, turn()).expect("valid");
+    editor.release("kept").expect("solvable");
+    editor.undo();
+    let (before, document) = (bits(editor.positions()), editor.document("bar"));
+    let failed = editor.transaction(|editor| {
+        editor.drag(handle, Similarity::translation(DVec3::X))?;
+        editor.release("lost")?;
+        editor.grab(Grip::vertex(u32::MAX))
+    });
+    assert!(matches!(failed, Err(SessionError::BadGrip { .. })));
+    assert!(bits(editor.positions()) == before && editor.document("bar") == document);
+    assert_eq!((editor.handles().len(), editor.undo_depth()), (2, (0, 1)));
+    assert!(editor.redo());
+    // A goal out of reach is refused by the solver, and what is shown stays.
+    editor.drag(handle, Similarity::translation(DVec3::X * 1e300)).expect("finite");
+    let shown = bits(editor.positions());
+    assert!(editor.update(Duration::ZERO).is_err() && editor.release("far").is_err());
+    assert!(bits(editor.positions()) == shown);
+}
+
+#[test]
+fn saved_cages_open_to_the_same_editor() {
+    let shape = bar();
+    let mut first = open(&shape);
+    let bytes = first.saved_cage().to_bytes().expect("small");
+    let saved = SavedCage::from_bytes(&bytes, &shape).expect("own");
+    let mut second = Editor::open_saved(shape.clone(), saved, EditorOptions::default(), &Silent).expect("valid");
+    for editor in [&mut first, &mut second] {
+        editor.anchor(low(&shape)).expect("valid");
+        let handle = editor.grab(high(&shape)).expect("valid");
+        editor.drag(handle, turn()).expect("valid");
+        editor.release("bend").expect("solvable");
+    }
+    assert!(bits(first.positions()) == bits(second.positions()));
+    assert!(SavedCage::from_bytes(&bytes, &shapes::icosphere(2)).is_err());
+}
+
+#[test]
+fn bad_grips_and_documents_are_refused_by_name() {
+    let shape = bar();
+    let mut editor = open(&shape);
+    let n = shape.vertex_count() as u32;
+    for grip in [
+        Grip::Vertices(VertexSet::default()),
+        Grip::vertex(n),
+        Grip::Point(SurfacePoint { face: u32::MAX, barycentric: [1.0, 0.0, 0.0] }),
+        Grip::Point(SurfacePoint { face: 0, barycentric: [f64::NAN, 0.5, 0.5] }),
+        Grip::Point(SurfacePoint { face: 0, barycentric: [2.0, -0.5, -0.5] }),
+    ] {
+        assert!(matches!(editor.grab(grip), Err(SessionError::BadGrip { .. })));
+    }
+    assert!(matches!(editor.update(Duration::ZERO), Err(SessionError::NothingGrabbed)));
+    assert!(matches!(editor.drag(3, Similarity::IDENTITY), Err(SessionError::NoHandle { handle: 3 })));
+
+    let handle = editor.grab(high(&shape)).expect("valid");
+    editor.anchor(low(&shape)).expect("valid");
+    let middle = where_x(&shape, |x| x.abs() < 0.1);
+    editor.add_handle(Grip::Vertices(middle), Constraint::Soft(1.0)).expect("valid");
+    editor.drag(handle, turn()).expect("valid");
+    editor.release("bend").expect("solvable");
+    let document = editor.document("bar");
+    let json = document.to_json().expect("finite");
+    assert_eq!(Document::parse(json.as_bytes()).expect("own").to_json().expect("finite"), json);
+    let refused = |json: &str, shape: &TriMesh| {
+        let made =
+            Document::parse(json.as_bytes()).and_then(|d| Editor::replay(&d, shape.clone(), &Silent).map(|_| ()));
+        made.expect_err("refused").to_string()
+    };
+    assert!(refused(&json, &shapes::icosphere(3)).contains("another mesh"));
+    assert!(refused(&json.replace("\"version\": 1", "\"version\": 9"), &shape).contains("version 9"));
+    assert!(refused(&json[..json.len() / 2], &shape).contains("line"));
+    assert!(refused(&json.replace("\"undone\": 0", "\"undone\": 7"), &shape).contains('7'));
+    let mut bad = document.clone();
+    bad.steps[0].handles[0].scale = -1.0;
+    assert!(refused(&bad.to_json().expect("finite"), &shape).contains("step 1"));
+    let mut bad = document.clone();
+    bad.steps[0].handles[0].vertices = Some(pliant_session::Ranges(vec![[0, u32::MAX]]));
+    assert!(refused(&bad.to_json().expect("finite"), &shape).contains("step 1"));
+    let mut bad = document;
+    bad.steps[0].handles[0].point = Some(SurfacePoint { face: 0, barycentric: [1.0, 0.0, 0.0] });
+    assert!(refused(&bad.to_json().expect("finite"), &shape).contains("not both"));
+}
