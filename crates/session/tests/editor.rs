@@ -6,7 +6,7 @@ use glam::DVec3;
 use pliant_cage::{CageSize, SavedCage};
 use pliant_deform::Constraint;
 use pliant_mesh::{Silent, Similarity, TriMesh, VertexSet, shapes};
-use pliant_session::{Document, Editor, EditorOptions, Grip, SessionError, SurfacePoint};
+use pliant_session::{Autosave, Document, Editor, EditorOptions, Grip, SessionError, SurfacePoint};
 
 fn bar() -> TriMesh {
     shapes::bar(40, 6, 6, DVec3::new(6.0, 0.9, 0.9)).expect("valid")
@@ -310,4 +310,26 @@ fn bad_grips_and_documents_are_refused_by_name() {
     let mut bad = document;
     bad.steps[0].handles[0].point = Some(SurfacePoint { face: 0, barycentric: [1.0, 0.0, 0.0] });
     assert!(refused(&bad.to_json().expect("finite"), &shape).contains("not both"));
+}
+
+#[test]
+fn autosaves_write_what_has_changed_and_whole() {
+    let shape = bar();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("session.json");
+    let mut editor = open(&shape);
+    let mut autosave = Autosave::new(&path, Duration::ZERO);
+    assert!(autosave.tick(&editor, "bar").expect("writable"));
+    assert!(!autosave.tick(&editor, "bar").expect("writable"), "nothing has changed");
+    editor.anchor(low(&shape)).expect("valid");
+    let handle = editor.grab(high(&shape)).expect("valid");
+    editor.drag(handle, turn()).expect("valid");
+    editor.release("bend").expect("solvable");
+    assert_eq!(editor.steps()[0].name, "bend");
+    assert!(autosave.tick(&editor, "bar").expect("writable"));
+    assert_eq!(Document::load(&path).expect("own"), editor.document("bar"));
+    assert!(!Autosave::new(&path, Duration::from_secs(3600)).tick(&editor, "bar").expect("not yet"));
+    // Into nowhere: an error, and the editor goes on.
+    assert!(Autosave::new(folder.path().join("no/where.json"), Duration::ZERO).tick(&editor, "bar").is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1);
 }

@@ -454,6 +454,11 @@ impl Editor {
         self.handles.iter().any(|h| h.goal != Similarity::IDENTITY) || self.current != self.base
     }
 
+    /// The steps, the oldest first; those that are undone come last ([`Document::undone`]).
+    pub fn steps(&self) -> &[DocumentStep] {
+        &self.steps
+    }
+
     /// Steps that can be undone, and redone.
     pub fn undo_depth(&self) -> (usize, usize) {
         (self.history.undoable(), self.history.redoable())
