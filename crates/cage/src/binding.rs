@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use pliant_mesh::{Progress, Topology, TriMesh};
+use pliant_mesh::{Progress, Topology, TriMesh, VertexSet};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -218,6 +218,31 @@ impl Binding {
             rows,
             report,
         }
+    }
+
+    /// The binding of some of the shape's vertices alone, in their order: what an edit of a part of the shape has to carry. It knows no
+    /// faces, so that its normals are zero. Costs as much as a few propagations of the part.
+    ///
+    /// # Panics
+    /// If one of `vertices` is not a vertex of the shape.
+    pub fn part(&self, vertices: &VertexSet) -> Self {
+        let all: Vec<u32> = (0..self.cage.len() as u32).collect();
+        let rows = self.rows.renumbered(vertices.as_slice(), &all);
+        let shape: Vec<DVec3> = vertices.iter().map(|v| self.shape[v as usize]).collect();
+        // Fewer vertices than a mesh that exists can be numbered.
+        let bare = Topology::new(shape.len(), Vec::new()).expect("a part has no more vertices than the shape");
+        let mut part = Self {
+            packed: Packed::new(&rows, &shape, &self.cage),
+            smoothing: self.smoothing.clone(),
+            shape_topology: Arc::new(bare),
+            shape,
+            cage: self.cage.clone(),
+            cage_topology: Arc::clone(&self.cage_topology),
+            rows,
+            report: BindReport::default(),
+        };
+        part.report = BindReport::of(&part, RowFacts::default());
+        part
     }
 
     /// What the rows look like.

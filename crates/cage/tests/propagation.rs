@@ -5,7 +5,7 @@ mod common;
 use common::{Pair, moved, pairs};
 use glam::{DVec3, Vec3};
 use pliant_cage::{BindOptions, Binding, Propagation, Propagator, Prune};
-use pliant_mesh::{FrameFit, NormalBuffer, Silent, Similarity, TriMesh, vertex_normals};
+use pliant_mesh::{FrameFit, NormalBuffer, Silent, Similarity, TriMesh, VertexSet, vertex_normals};
 
 fn bindings(shape: &TriMesh, pair: &Pair) -> Vec<(String, Binding)> {
     ["smooth:12", "smooth:8+smoothing:0", "local:24", "magnitude:0.03", "none"]
@@ -186,6 +186,23 @@ fn points_are_carried_from_any_pose() {
             propagator.carry(&binding, &pair.cage.mesh.positions, &from, &mut carried);
             propagator.apply(&binding, &from, &mut applied);
             assert!(carried == applied, "{}, {rule}", pair.name);
+        }
+    }
+}
+
+/// A part of the shape is carried as it is within the whole, to the bit.
+#[test]
+fn parts_are_carried_as_the_whole_is() {
+    for pair in pairs() {
+        let pose = bent(&pair.cage.mesh);
+        let some = VertexSet::where_true(pair.shape.vertex_count(), |v| v % 3 == 1);
+        for (rule, binding) in bindings(&pair.shape, &pair).into_iter().filter(|b| b.0 != "identity") {
+            let mut whole = pair.shape.positions.clone();
+            Propagator::new(Propagation::Frames).carry(&binding, &pair.cage.mesh.positions, &pose, &mut whole);
+            let mut part: Vec<DVec3> = some.iter().map(|v| pair.shape.positions[v as usize]).collect();
+            let mut propagator = Propagator::new(Propagation::Frames);
+            propagator.carry(&binding.part(&some), &pair.cage.mesh.positions, &pose, &mut part);
+            assert!(some.iter().map(|v| whole[v as usize]).eq(part), "{}, {rule}", pair.name);
         }
     }
 }

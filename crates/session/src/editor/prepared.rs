@@ -28,12 +28,24 @@ pub(crate) struct Prepared {
     targets: Vec<DVec3>,
     /// For each target the handle that has it, by place.
     owners: Vec<(usize, Target)>,
-    /// Shares of motion near the region's border; empty without one.
-    shares: Vec<f64>,
+    /// The vertices that may move, with what only they need; `None` if all may.
+    part: Option<Part>,
+    /// Whether the shape shown may differ from where the step began outside of the region, from before it was this one.
+    unclean: bool,
     pub(crate) changed: Range<usize>,
     pub(crate) stale: bool,
     /// Whether nothing is left of other handles.
     pub(crate) fresh: bool,
+}
+
+/// The part of the shape that may move.
+struct Part {
+    vertices: VertexSet,
+    binding: Binding,
+    /// Positions, in the order of the vertices.
+    points: Vec<DVec3>,
+    /// Shares of motion: less than 1 near the border.
+    shares: Vec<f64>,
 }
 
 /// What is set on the shape.
@@ -86,7 +98,16 @@ impl Prepared {
         };
         let width = STRIP * mean_edge(&cage);
         let inside = |v: u32| editor.region.as_ref().is_none_or(|region| region.contains(v));
-        let shares = inner_shares(shape.topology(), &base.shape, inside, width);
+        let part = editor.region.as_ref().map(|vertices| {
+            let shares = inner_shares(shape.topology(), &base.shape, inside, width);
+            let of_part = |v: u32| shares.get(v as usize).copied().unwrap_or(1.0);
+            Part {
+                vertices: vertices.clone(),
+                binding: editor.binding.part(vertices),
+                points: vec![DVec3::ZERO; vertices.len()],
+                shares: vertices.iter().map(of_part).collect(),
+            }
+        });
         let (sources, owners) = targets(editor);
         let set: VertexSet = sources.iter().copied().collect();
         let may_move = |v: u32| inside(v) && !set.contains(v);
@@ -103,7 +124,8 @@ impl Prepared {
             fade,
             targets: vec![DVec3::ZERO; owners.len()],
             owners,
-            shares,
+            part,
+            unclean: true,
             changed: first..end,
             stale: false,
             fresh,
@@ -132,11 +154,21 @@ impl Prepared {
     /// much that moved them at most.
     pub(crate) fn show(&mut self, binding: &Binding, base: &Pose, current: &mut Pose) -> f64 {
         let shape = &mut current.shape;
-        shape.copy_from_slice(&base.shape);
-        self.propagator.carry(binding, &base.cage, &self.pose, shape);
-        for ((p, rest), &share) in shape.iter_mut().zip(&base.shape).zip(&self.shares) {
-            if share < 1.0 {
-                *p = *rest + share * (*p - *rest);
+        if self.unclean || self.part.is_none() {
+            shape.copy_from_slice(&base.shape);
+            self.unclean = false;
+        }
+        match &mut self.part {
+            None => self.propagator.carry(binding, &base.cage, &self.pose, shape),
+            Some(Part { vertices, binding, points, shares }) => {
+                for (p, v) in points.iter_mut().zip(vertices.iter()) {
+                    *p = base.shape[v as usize];
+                }
+                self.propagator.carry(binding, &base.cage, &self.pose, points);
+                for ((p, &share), v) in points.iter().zip(&*shares).zip(vertices.iter()) {
+                    let rest = base.shape[v as usize];
+                    shape[v as usize] = if share < 1.0 { rest + share * (*p - rest) } else { *p };
+                }
             }
         }
         current.cage.copy_from_slice(&self.pose);
