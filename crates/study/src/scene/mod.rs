@@ -29,6 +29,7 @@
 mod auto;
 mod check;
 mod error;
+mod method_text;
 mod resolve;
 #[cfg(test)]
 mod tests;
@@ -38,6 +39,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use glam::DVec3;
+use pliant_deform::Method;
 use pliant_mesh::Bounds;
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +79,9 @@ pub struct Scene {
     /// model in a file. It fits others too, as far as their handles have vertices there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<String>,
+    /// The method that deforms, as text (`"arap:uniform+spokes"`), where none is asked for; none for the default.
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "method_text")]
+    pub method: Option<Method>,
     /// The handles, each under its own name. A vertex in several regions belongs to the first.
     pub handles: Vec<SceneHandle>,
 }
