@@ -85,7 +85,7 @@ fn plan(options: &CompareOptions) -> ComparePlan {
 /// The shapes and the scenes on them.
 fn cases(options: &CompareOptions, console: &Console, files: &[(PathBuf, &str)]) -> Result<Vec<(Model, Scene)>> {
     let Some(name) = &options.model else {
-        let scenes = Scene::builtin_names().map(Scene::builtin).collect::<Result<Vec<_>, _>>()?;
+        let scenes = Scene::classic_names().map(Scene::builtin).collect::<Result<Vec<_>, _>>()?;
         let made_for = scenes.into_iter().filter_map(|scene| Some((scene.shape.clone()?, scene)));
         return made_for
             .map(|(shape, scene)| Ok((Model::open(&format!("{shape}:{}", options.vertices), console)?, scene)))

@@ -115,3 +115,56 @@ impl Comparison {
         write_padded(out, &lines, &numeric);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ModelInfo, SweepRow};
+
+    /// Two cases, the second with a line of Table 1; a name that Markdown would read as the end of a cell.
+    fn comparison() -> Comparison {
+        let case = |name: &str, methods: &[&str]| {
+            let mut report = SweepReport::new(ModelInfo { name: name.to_owned(), ..ModelInfo::default() }, "scene");
+            report.rows = methods
+                .iter()
+                .map(|method| SweepRow { model: name.to_owned(), method: (*method).to_owned(), ..SweepRow::default() })
+                .collect();
+            report
+        };
+        let report = ImplicitReport {
+            free_vertices: 48_027,
+            degenerate_vertices: 61,
+            factor_first: Duration::from_micros(4_813_000),
+            solve_first: Duration::from_micros(188_000),
+            factor_second: Duration::from_micros(875_000),
+            solve_second: Duration::from_micros(78_000),
+            svd: Duration::from_micros(985_000),
+        };
+        Comparison {
+            cases: vec![case("a|b", &["arap", "dual"]), case("c", &["implicit"])],
+            implicit: vec![ImplicitRow::new("c", "scene", "implicit", &report)],
+        }
+    }
+
+    #[test]
+    fn all_cases_stand_in_every_form() {
+        let comparison = comparison();
+        let json = comparison.to_json();
+        assert_eq!(serde_json::from_str::<Comparison>(&json).expect("JSON"), comparison);
+        // A header and three rows.
+        assert_eq!(comparison.to_csv().matches("\r\n").count(), 4);
+        let text = comparison.to_markdown(Detail::Main);
+        assert!(text.contains("## a\\|b, scene scene") && text.contains("## c, scene scene"), "{text}");
+    }
+
+    /// The paper's line for the Armadillo, in its own order of columns.
+    #[test]
+    fn the_implicit_table_has_the_papers_columns() {
+        let text = comparison().to_markdown(Detail::Main);
+        let last = text.lines().last().expect("a table");
+        let cells: Vec<&str> = last.trim_matches('|').split('|').map(str::trim).collect();
+        assert_eq!(cells, ["c", "scene", "implicit", "48027", "61", "4813", "188", "875", "78.0", "985"]);
+        let none = Comparison { implicit: Vec::new(), ..comparison() };
+        assert!(!none.to_markdown(Detail::Full).contains("Eq. 7"));
+    }
+}

@@ -505,3 +505,11 @@ fn scenes_keep_their_method() {
         assert!(error.contains(word), "{error}");
     }
 }
+
+#[test]
+fn classic_scenes_are_built_in_and_have_a_shape() {
+    for name in Scene::classic_names() {
+        let scene = Scene::builtin(name).expect("built in");
+        assert!(scene.shape.is_some_and(|shape| pliant_mesh::shapes::NAMES.contains(&shape.as_str())), "{name}");
+    }
+}
