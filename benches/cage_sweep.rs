@@ -40,6 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         iterations: vec![Iterations::Count(2)],
         steps: 20,
         start: StartFrom::default(),
+        reference: false,
     };
     let mut reports = Vec::with_capacity(REPEATS);
     for repeat in 1..=REPEATS {

@@ -69,10 +69,8 @@ fn print(pairs: &[Pair]) {
     let Some([first, _]) = pairs.first() else { return };
     let cpus = std::thread::available_parallelism().map_or(1, usize::from);
     let cpu = first.cpu.as_deref().unwrap_or("unnamed");
-    println!(
-        "{cpus} processors, {cpu}. The creature, bound by {}, {} iterations a drag.",
-        first.prune, first.iterations
-    );
+    let iterations = first.iterations.unwrap_or(0);
+    println!("{cpus} processors, {cpu}. The creature, bound by {}, {iterations} iterations a drag.", first.prune);
     println!(
         "\nOnce an edit, in ms. `refactor` is a change of handles; `first drag` has all from the shape on; `3 %` and `exact` are the \
          paper's rule, the fast way and every cage face for every vertex, by 2 threads.\n"

@@ -15,6 +15,7 @@ fn plan(sizes: &[&str]) -> SweepPlan {
         iterations: vec![Iterations::Count(2)],
         steps: 1,
         start: StartFrom::default(),
+        reference: false,
     }
 }
 

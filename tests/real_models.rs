@@ -81,6 +81,7 @@ fn no_model_blows_up() {
             iterations: vec![Iterations::Count(2)],
             steps: 1,
             start: StartFrom::default(),
+            reference: false,
         };
         let report = sweep("model", &shape, &scene, &plan, &Silent).unwrap_or_else(|e| panic!("{name}: {e}"));
         let [cage, direct] = &report.rows[..] else { panic!("two rows") };

@@ -3,9 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use pliant::{
-    ArapEnergy, ArapOptions, BindOptions, EdgeWeightKind, Iterations, Method, Propagation, StartFrom, SweepSize,
-};
+use pliant::{BindOptions, Iterations, Method, Propagation, StartFrom, SweepSize};
 
 const LEARN_MORE: &str = "\
 StartFrom with `pliant demo`, then try an edit of your own:
@@ -31,6 +29,7 @@ pub(crate) enum Command {
     Cage(CageOptions),
     Edit(EditOptions),
     Sweep(SweepOptions),
+    Compare(CompareOptions),
     Bench(BenchOptions),
 }
 
@@ -92,7 +91,7 @@ pub(crate) struct CageOptions {
 /// held, the highest tenth turned by 30 degrees and moved.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  pliant edit bunny.obj -o bent.glb\n  pliant edit armadillo.obj --scene armadillo-2 --cage 2000 -o edited.obj\n  pliant edit man.off --scene my-scene.json --cage none -o direct.ply"
+    after_help = "Examples:\n  pliant edit bunny.obj -o bent.glb\n  pliant edit armadillo.obj --scene armadillo-2 --cage 2000 -o edited.obj\n  pliant edit man.off --scene my-scene.json --cage none --method implicit -o direct.ply"
 )]
 pub(crate) struct EditOptions {
     /// A mesh file (obj, ply, off, stl, glb, gltf), or a generated shape with about N vertices: creature:N, bar:N,
@@ -121,8 +120,10 @@ pub(crate) struct EditOptions {
     /// What each solve on a cage starts from: levels (coarser cages, where the goals are far) or pose (the last pose alone).
     #[arg(long, default_value_t)]
     pub(crate) start: StartFrom,
-    #[command(flatten)]
-    pub(crate) arap: ArapArguments,
+    /// The method: NAME or NAME:OPTION+OPTION, with arap, laplacian, implicit, dual or rotation-invariant, such as
+    /// arap:uniform+spokes, arap:propagated, laplacian:two-step, implicit:rings=1. Default: the scene's, else arap.
+    #[arg(long, value_name = "METHOD")]
+    pub(crate) method: Option<Method>,
     /// File to write: obj, ply or glb.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
@@ -150,7 +151,7 @@ pub(crate) struct SweepOptions {
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
     /// A ready set of rows instead of the lists below.
-    #[arg(long, conflicts_with_all = ["sizes", "propagation", "prune", "iterations", "steps", "start"])]
+    #[arg(long, conflicts_with_all = ["sizes", "propagation", "prune", "iterations", "steps", "start", "reference"])]
     pub(crate) preset: Option<Preset>,
     /// Cage sizes: vertices (2000), shares (5%), distances (error:0.002), or none to deform the model itself.
     #[arg(long, value_delimiter = ',', default_values = ["1%", "2%", "5%", "10%", "none"])]
@@ -171,11 +172,58 @@ pub(crate) struct SweepOptions {
     /// What each solve on a cage starts from: levels (coarser cages, where the goals are far) or pose (the last pose alone).
     #[arg(long, default_value_t)]
     pub(crate) start: StartFrom,
-    #[command(flatten)]
-    pub(crate) arap: ArapArguments,
+    /// Methods, as `pliant edit --method` takes them: arap,laplacian:two-step,implicit. Default: the scene's, else arap.
+    #[arg(long, value_name = "METHODS", value_delimiter = ',')]
+    pub(crate) methods: Vec<Method>,
+    /// Also measure how far each result is from converged as-rigid-as-possible deformation without a cage, which is found first.
+    #[arg(long)]
+    pub(crate) reference: bool,
     /// Write PREFIX.json, PREFIX.csv, PREFIX.md and PREFIX.svg.
     #[arg(short, long, value_name = "PREFIX")]
     pub(crate) output: Option<PathBuf>,
+    /// Print the JSON report instead of text.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Deform by several methods, side by side: a table of errors and times, and a picture of each.
+///
+/// A row has edge length errors, the distance to converged as-rigid-as-possible deformation without a cage, the change of volume, faces
+/// turned over, and times. The picture has all methods in one row, from one camera, coloured by the mean relative length error of the
+/// edges at each vertex, from 0 (violet) to 30 % (yellow).
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  pliant compare bunny.obj -o out/bunny\n  pliant compare creature:20000 --cage none --methods arap,dual,implicit -o out/creature\n  pliant compare --classic -o out/classic"
+)]
+pub(crate) struct CompareOptions {
+    /// A mesh file (obj, ply, off, stl, glb, gltf), or a generated shape with about N vertices: creature:N, bar:N,
+    /// cactus:N, cylinder:N or plane:N.
+    #[arg(required_unless_present = "classic")]
+    pub(crate) model: Option<String>,
+    /// Run the classic tests instead, each scene on the shape it was made for, and make a row of pictures of each.
+    #[arg(long, conflicts_with_all = ["model", "scene"])]
+    pub(crate) classic: bool,
+    /// Vertices of each shape of the classic tests.
+    #[arg(long, value_name = "N", default_value_t = 5000, requires = "classic", value_parser = clap::value_parser!(u32).range(2000..=1_000_000))]
+    pub(crate) vertices: u32,
+    /// A scene file (JSON), or the name of a built-in scene, or auto.
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<String>,
+    /// Size of the cage: vertices (2000), share (5%), distance (error:0.002), or none. Default: 5%, and none with --classic.
+    #[arg(long, value_name = "SIZE")]
+    pub(crate) cage: Option<SweepSize>,
+    /// Methods, as `pliant edit --method` takes them. Default: ten, of every family.
+    #[arg(long, value_name = "METHODS", value_delimiter = ',')]
+    pub(crate) methods: Vec<Method>,
+    /// Iterations in each step, of methods that iterate: a number, or converged.
+    #[arg(long, value_name = "N", default_value = "2")]
+    pub(crate) iterations: Iterations,
+    /// Equal steps in which the handles travel to their goals.
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) steps: u32,
+    /// Write PREFIX.json, PREFIX.csv, PREFIX.md and PREFIX.png.
+    #[arg(short, long, value_name = "PREFIX")]
+    pub(crate) output: PathBuf,
     /// Print the JSON report instead of text.
     #[arg(long)]
     pub(crate) json: bool,
@@ -205,8 +253,10 @@ pub(crate) struct BenchOptions {
     /// Iterations of the solver in each drag.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(0..=1000))]
     pub(crate) iterations: u32,
-    #[command(flatten)]
-    pub(crate) arap: ArapArguments,
+    /// The method: NAME or NAME:OPTION+OPTION, with arap, laplacian, implicit, dual or rotation-invariant, such as
+    /// arap:uniform+spokes, arap:propagated, laplacian:two-step, implicit:rings=1. Default: the scene's, else arap.
+    #[arg(long, value_name = "METHOD")]
+    pub(crate) method: Option<Method>,
     /// Threads that work; all there are if not given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
@@ -229,47 +279,4 @@ pub(crate) enum Preset {
     /// Table 1 of Hybrid Mesh Editing (Borosan et al. 2010): its cage sizes, both propagations and prune rules, unit
     /// weights, the scene armadillo-2 dragged in 20 steps of 2 iterations, and converged; published figures beside ours.
     Paper,
-}
-
-#[derive(Debug, Clone, Copy, Args)]
-pub(crate) struct ArapArguments {
-    /// Edge weights of the as-rigid-as-possible energy.
-    #[arg(long, value_enum)]
-    pub(crate) weights: Option<Weights>,
-    /// Edges in a vertex's cell: those at the vertex (spokes), or those of its faces (spokes-and-rims).
-    #[arg(long, value_enum)]
-    pub(crate) energy: Option<Energy>,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum Weights {
-    /// Clamped cotangents.
-    Cotangent,
-    /// 1 on every edge, as in the paper.
-    Uniform,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum Energy {
-    Spokes,
-    SpokesAndRims,
-}
-
-impl ArapArguments {
-    /// `base` with what was typed put in.
-    pub(crate) fn method(self, base: &ArapOptions) -> Method {
-        Method::Arap(ArapOptions {
-            weights: match self.weights {
-                None => base.weights,
-                Some(Weights::Cotangent) => EdgeWeightKind::Cotangent,
-                Some(Weights::Uniform) => EdgeWeightKind::Uniform,
-            },
-            energy: match self.energy {
-                None => base.energy,
-                Some(Energy::Spokes) => ArapEnergy::Spokes,
-                Some(Energy::SpokesAndRims) => ArapEnergy::SpokesAndRims,
-            },
-            ..base.clone()
-        })
-    }
 }

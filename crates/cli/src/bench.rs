@@ -1,8 +1,9 @@
 use anyhow::{Context, Result, bail};
-use pliant::{ArapOptions, Study, SweepSize, Timing, TimingPlan, count, time_stages};
+use pliant::{Study, SweepSize, Timing, TimingPlan, count, time_stages};
 
 use crate::args::BenchOptions;
 use crate::console::{Console, print_json};
+use crate::edit::method;
 use crate::model::Model;
 
 pub(crate) fn run(options: &BenchOptions) -> Result<()> {
@@ -31,7 +32,7 @@ fn measure(options: &BenchOptions) -> Result<()> {
     let plan = TimingPlan {
         cage: options.cage,
         bind: options.prune,
-        method: options.arap.method(&ArapOptions::default()),
+        method: method(options.method.as_ref(), &scene),
         iterations: options.iterations,
         repeats: options.repeats as usize,
         exact: options.exact,
@@ -48,11 +49,12 @@ fn measure(options: &BenchOptions) -> Result<()> {
 fn print(timing: &Timing, console: &Console) -> Result<()> {
     console.say("")?;
     console.say(&format!(
-        "{}: {} vertices, cage of {}, scene {}; {} thread{} on {}; medians of up to {} (drags: of {})",
+        "{}: {} vertices, cage of {}, scene {}, {}; {} thread{} on {}; medians of up to {} (drags: of {})",
         timing.model,
         count(timing.vertices),
         count(timing.cage_vertices),
         timing.scene,
+        timing.method,
         timing.threads,
         if timing.threads == 1 { "" } else { "s" },
         timing.cpu.as_deref().unwrap_or("an unnamed processor"),

@@ -126,6 +126,7 @@ fn small_sweep(model: &Model, scene: &Scene, console: &Console) -> Result<SweepR
         iterations: vec![Iterations::Count(2)],
         steps: 1,
         start: StartFrom::default(),
+        reference: false,
     };
     Ok(sweep(&model.name, &model.mesh, scene, &plan, console)?)
 }

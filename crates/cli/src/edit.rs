@@ -1,7 +1,7 @@
 use anyhow::Result;
 use pliant::{
-    ArapOptions, BindOptions, PictureOptions, Propagation, Prune, Schedule, Study, SweepRow, can_write, can_write_mesh,
-    render, timed, write, write_png,
+    BindOptions, Method, PictureOptions, Propagation, Prune, Scene, Schedule, Study, SweepRow, can_write,
+    can_write_mesh, render, timed, write, write_png,
 };
 use serde::Serialize;
 
@@ -40,7 +40,7 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
     });
     let bound = study.bind(&caged, prune, &console)?;
     let schedule = Schedule { steps: options.steps as usize, iterations: options.iterations, start: options.start };
-    let method = options.arap.method(&ArapOptions::default());
+    let method = method(options.method.as_ref(), &scene);
     let dragged = study.drag(&caged, &method, schedule, &console)?;
     let (pose, row) = study.carry(&caged, &bound, &dragged, options.propagation, &console);
 
@@ -68,6 +68,11 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
         console.warn(warning);
     }
     Ok(())
+}
+
+/// The method that was asked for, else the scene's, else the default.
+pub(crate) fn method(asked: Option<&Method>, scene: &Scene) -> Method {
+    asked.or(scene.method.as_ref()).cloned().unwrap_or_default()
 }
 
 /// `feet (812 vertices), hand (90 vertices)`.

@@ -3,6 +3,7 @@
 mod args;
 mod bench;
 mod cage;
+mod compare;
 mod console;
 mod demo;
 mod edit;
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
         Command::Cage(options) => cage::run(&options),
         Command::Edit(options) => edit::run(&options),
         Command::Sweep(options) => sweep::run(&options),
+        Command::Compare(options) => compare::run(&options),
         Command::Bench(options) => bench::run(&options),
     };
     match result {

@@ -1,13 +1,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pliant::{
-    ArapOptions, Detail, PAPER_SCENE, Scene, Stages, SweepPlan, SweepReport, can_write, paper_sizes, sweep,
-    write_atomic,
-};
+use pliant::{Detail, PAPER_SCENE, Scene, Stages, SweepPlan, SweepReport, can_write, paper_sizes, sweep, write_atomic};
 
 use crate::args::{Preset, SweepOptions};
 use crate::console::Console;
+use crate::edit::method;
 use crate::model::Model;
 
 pub(crate) fn run(options: &SweepOptions) -> Result<()> {
@@ -50,8 +48,10 @@ fn plan(options: &SweepOptions, model: &Model) -> Result<(Scene, SweepPlan, Vec<
     if options.preset == Some(Preset::Paper) {
         let vertices = model.mesh.vertex_count();
         let mut plan = SweepPlan::paper(vertices);
-        // Typed weights or energy replace the paper's.
-        plan.methods = vec![options.arap.method(&ArapOptions::faithful())];
+        // Typed methods replace the paper's.
+        if !options.methods.is_empty() {
+            plan.methods.clone_from(&options.methods);
+        }
         notes.extend(paper_sizes(vertices).note());
         let scene = match &options.scene {
             Some(scene) => model.scene(Some(scene))?,
@@ -72,21 +72,31 @@ fn plan(options: &SweepOptions, model: &Model) -> Result<(Scene, SweepPlan, Vec<
         };
         return Ok((scene, plan, notes));
     }
+    let scene = model.scene(options.scene.as_deref())?;
     let plan = SweepPlan {
         sizes: options.sizes.clone(),
         propagations: options.propagation.clone(),
         bindings: options.prune.clone(),
-        methods: vec![options.arap.method(&ArapOptions::default())],
+        methods: if options.methods.is_empty() { vec![method(None, &scene)] } else { options.methods.clone() },
         iterations: options.iterations.clone(),
         steps: options.steps as usize,
         start: options.start,
+        reference: options.reference,
     };
-    Ok((model.scene(options.scene.as_deref())?, plan, notes))
+    Ok((scene, plan, notes))
 }
 
 /// The files of a report and their extensions.
 fn files(prefix: &Path) -> [(PathBuf, &'static str); 4] {
-    ["json", "csv", "md", "svg"].map(|extension| {
+    with_extensions(prefix, ["json", "csv", "md", "svg"])
+}
+
+/// A prefix with each extension.
+pub(crate) fn with_extensions<const N: usize>(
+    prefix: &Path,
+    extensions: [&'static str; N],
+) -> [(PathBuf, &'static str); N] {
+    extensions.map(|extension| {
         // Appended, so that a dot in the prefix is kept.
         let mut name = prefix.as_os_str().to_owned();
         name.push(".");

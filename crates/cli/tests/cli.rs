@@ -143,6 +143,43 @@ fn the_classic_scenes_run_on_their_shapes() {
     }
 }
 
+/// A typed method goes before the scene's, and that before the default.
+#[test]
+fn methods_are_typed_or_saved_in_scenes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (out, file) = (path(&folder, "out.ply"), path(&folder, "scene.json"));
+    let scene =
+        Scene { method: Some("dual".parse().expect("a method")), ..Scene::builtin("creature").expect("built in") };
+    std::fs::write(&file, scene.to_json().expect("finite")).expect("written");
+    let edit = ["edit", "creature:2000", "--cage", "20%", "-o", &out, "--json"];
+    assert_eq!(json(&edit)["method"], "arap");
+    assert_eq!(json(&[&edit[..], &["--scene", &file]].concat())["method"], "dual");
+    let typed = json(&[&edit[..], &["--scene", &file, "--method", "laplacian:two-step"]].concat());
+    assert_eq!((&typed["method"], &typed["iterations"]), (&Value::from("laplacian:two-step"), &Value::Null));
+    let swept = ["sweep", "creature:2000", "--sizes", "20%", "--methods", "arap,implicit", "--reference", "--json"];
+    let rows = json(&swept)["rows"].clone();
+    assert_eq!((&rows[0]["method"], &rows[1]["method"]), (&Value::from("arap"), &Value::from("implicit")));
+    assert!(rows[1]["distance_to_converged"].as_f64().is_some_and(|d| d > 0.0 && d < 0.1), "{rows}");
+}
+
+#[test]
+fn compare_makes_a_table_and_a_picture() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let prefix = path(&folder, "methods");
+    let arguments = ["compare", "creature:2000", "--methods", "arap,implicit", "--steps", "2", "-o", &prefix];
+    let printed = said(&arguments);
+    for words in ["flipped faces", "volume change", "from converged ARAP", "solve Eq. 7"] {
+        assert!(printed.contains(words), "{words}: {printed}");
+    }
+    for kind in ["json", "csv", "md", "png"] {
+        assert!(Path::new(&format!("{prefix}.{kind}")).exists(), "{kind}");
+    }
+    let classic = path(&folder, "classic");
+    let arguments = ["compare", "--classic", "--vertices", "2000", "--methods", "laplacian", "-o", &classic, "--json"];
+    let report = json(&arguments);
+    assert_eq!(report["cases"].as_array().map(Vec::len), Some(Scene::classic_names().count()));
+}
+
 /// Each refusal names what is wrong, and leaves nothing behind.
 #[test]
 fn refusals_name_the_culprit() {
@@ -167,6 +204,12 @@ fn refusals_name_the_culprit() {
         (vec!["edit", "creature:2000", "--prune", "local:0", "-o", &out], vec!["local:0", "neighbours"]),
         (vec!["cage", "creature:2000", "--size", "none", "-o", &out], vec!["none"]),
         (vec!["sweep", "creature:2000", "--iterations", "few"], vec!["few"]),
+        (
+            vec!["edit", "creature:2000", "--method", "magic", "-o", &out],
+            vec!["magic", "arap", "dual", "rotation-invariant"],
+        ),
+        (vec!["sweep", "creature:2000", "--methods", "arap,laplacian:magic"], vec!["magic", "two-step"]),
+        (vec!["compare", "-o", &out], vec!["MODEL"]),
         (vec!["bench", "creature:2000", "--cage", "none"], vec!["none", "bind"]),
         (vec!["bench", "creature:2000", "--threads", "0"], vec!["threads"]),
         (vec!["bench", "creature:2000", "--prune", "smooth:16+far"], vec!["far", "surface"]),
@@ -239,7 +282,7 @@ fn the_model_itself_is_never_written_over() {
 #[test]
 fn every_command_explains_itself() {
     assert!(said(&["--help"]).contains("pliant demo"));
-    for command in ["demo", "info", "cage", "edit", "sweep", "bench"] {
+    for command in ["demo", "info", "cage", "edit", "sweep", "compare", "bench"] {
         let help = said(&[command, "--help"]);
         assert!(help.contains("--json"), "{command}");
     }

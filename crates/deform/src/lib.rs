@@ -55,7 +55,7 @@ pub use arap::{Acceleration, ArapEnergy, ArapOptions, EdgeWeightKind, Start};
 pub use dual::{DualHeights, DualLaplacianOptions, LinearSolver};
 pub use error::{DeformError, HandleFault};
 pub use goals::Goals;
-pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitStage};
+pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitReport, ImplicitStage};
 pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use region::{Constraint, Handle, Region, Role};

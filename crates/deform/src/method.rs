@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::arap::{Arap, ArapOptions};
 use crate::dual::{DualLaplacian, DualLaplacianOptions};
-use crate::implicit::{Implicit, ImplicitOptions};
+use crate::implicit::{Implicit, ImplicitOptions, ImplicitReport};
 use crate::laplacian::{Laplacian, LaplacianOptions};
 use crate::rotation_invariant::{RotationInvariant, RotationInvariantOptions};
 use crate::{DeformError, Goals, Region};
@@ -55,6 +55,28 @@ impl Method {
 }
 
 impl Method {
+    /// Whether a solve iterates; the others solve linear systems, so that no number of iterations changes their result.
+    pub fn iterates(&self) -> bool {
+        matches!(self, Self::Arap(_) | Self::DualLaplacian(_))
+    }
+
+    /// The same method with the default number of iterations and tolerance, which the text form leaves out: its name in a table that has
+    /// columns for these.
+    #[must_use]
+    pub fn with_default_iterations(&self) -> Self {
+        match self {
+            Self::Arap(options) => {
+                let ArapOptions { iterations, tolerance, .. } = ArapOptions::default();
+                Self::Arap(ArapOptions { iterations, tolerance, ..options.clone() })
+            }
+            Self::DualLaplacian(options) => {
+                let DualLaplacianOptions { iterations, tolerance, .. } = DualLaplacianOptions::default();
+                Self::DualLaplacian(DualLaplacianOptions { iterations, tolerance, ..options.clone() })
+            }
+            Self::Laplacian(_) | Self::RotationInvariant(_) | Self::Implicit(_) => self.clone(),
+        }
+    }
+
     /// The same method with exactly this many iterations a solve; one that does not iterate stays as it is.
     #[must_use]
     pub fn with_iterations(&self, iterations: u32) -> Self {
@@ -162,6 +184,11 @@ pub trait Deformer: Send {
     /// Not part of [`SolveReport`], which is the same on every run.
     fn step_times(&self) -> StepTimes {
         StepTimes::default()
+    }
+
+    /// Counts and times that only [`Method::Implicit`] has, with the times of the last solve; `None` from the others.
+    fn implicit_report(&self) -> Option<ImplicitReport> {
+        None
     }
 }
 

@@ -5,7 +5,8 @@ mod common;
 use common::sphere;
 use glam::DVec3;
 use pliant_io::picture::{
-    Picture, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike, write_png,
+    Picture, PictureOptions, SheetCell, SheetRow, Values, View, colour_map, contact_sheet, render, render_values,
+    strip, trim_alike, write_png,
 };
 use pliant_mesh::{Bounds, TriMesh};
 
@@ -197,6 +198,37 @@ fn strips_and_margins() {
     assert_eq!((joined.pixel(3, 2), joined.pixel(11, 2)), ([0, 255, 255], [1; 3]));
     assert_eq!((joined.pixel(13, 2), joined.pixel(14, 3), joined.pixel(13, 4)), ([9; 3], [9; 3], [1; 3]));
     assert_eq!(strip(&[], 5, [0; 3]).rgb.len(), 0);
+}
+
+/// Pictures stand in a grid of equal columns under their headings; a place may stay empty, and rows may differ in length.
+#[test]
+fn contact_sheets() {
+    let (red, blue) = (Picture::filled(40, 20, [255, 0, 0]), Picture::filled(30, 10, [0, 0, 255]));
+    let cell = |picture: Option<&Picture>| SheetCell { picture: picture.cloned(), caption: "caption".to_owned() };
+    let rows = [
+        SheetRow { title: "first".to_owned(), cells: vec![cell(Some(&red)), cell(Some(&blue)), cell(None)] },
+        SheetRow { title: "second".to_owned(), cells: vec![cell(Some(&blue))] },
+    ];
+    let sheet = contact_sheet(&["a".to_owned(), "b".to_owned()], &rows, [255; 3]);
+    let pixels = |colour: [u8; 3]| sheet.rgb.chunks_exact(3).filter(|pixel| *pixel == colour).count();
+    // Every picture is there, whole.
+    assert_eq!((pixels([255, 0, 0]), pixels([0, 0, 255])), (40 * 20, 2 * 30 * 10));
+    let first = |colour: [u8; 3]| {
+        let at = sheet.rgb.chunks_exact(3).position(|pixel| pixel == colour).expect("drawn") as u32;
+        (at % sheet.width, at / sheet.width)
+    };
+    // The smaller picture is in the middle of the second column, its row as high as the first one's.
+    let ((x, y), (right, below)) = (first([255, 0, 0]), first([0, 0, 255]));
+    assert_eq!((right - x - (sheet.width - 8) / 3, below - y), (5, 5));
+    // Words are as wide as their letters: with less room nothing is written over the edge.
+    let mut narrow = Picture::filled(9, 13, [255; 3]);
+    narrow.write_text(0, 0, "MMMM", [0; 3]);
+    assert!(narrow.rgb.contains(&0) && narrow.rgb.len() == 9 * 13 * 3);
+    let blank = narrow.clone();
+    narrow.write_text(9, 0, "M", [7; 3]);
+    narrow.write_text(u32::MAX, u32::MAX, "M", [7; 3]);
+    assert_eq!(narrow, blank);
+    assert_eq!(contact_sheet(&[], &[], [0; 3]).rgb.len(), 0);
 }
 
 /// A PNG holds the picture's bytes, and only a file with that extension is written.

@@ -8,12 +8,12 @@ pub use pliant_cage::{
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, DualHeights,
     DualLaplacianOptions, EdgeWeightKind, FeatureSize, Goals, Handle, HandleFault, ImplicitConstraints,
-    ImplicitOptions, ImplicitStage, LaplacianOptions, LinearSolver, Method, PrepareReport, Region, Role,
-    RotationInvariantOptions, SolveReport, Start, StepTimes, rotation_invariant,
+    ImplicitOptions, ImplicitReport, ImplicitStage, LaplacianOptions, LinearSolver, Method, PrepareReport, Region,
+    Role, RotationInvariantOptions, SolveReport, Start, StepTimes, rotation_invariant,
 };
 pub use pliant_io::picture::{
-    Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,
-    write_png,
+    Picture, PictureError, PictureOptions, SheetCell, SheetRow, Values, View, colour_map, contact_sheet, render,
+    render_values, strip, trim_alike, write_png,
 };
 pub use pliant_io::{
     Asset, FileError, Format, IoError, ReadReport, can_write, can_write_mesh, read, read_bytes, write, write_atomic,
@@ -21,7 +21,8 @@ pub use pliant_io::{
 };
 pub use pliant_linalg as linalg;
 pub use pliant_mesh::metrics::{
-    EdgeErrors, SurfaceDistance, distances_to_surface, edge_errors, largest_free_stretch, surface_distance,
+    EdgeErrors, SurfaceDistance, distances_to_surface, edge_errors, edge_errors_at_vertices, flipped_faces,
+    largest_free_stretch, rms_distance, signed_volume, surface_distance, volume_change,
 };
 pub use pliant_mesh::shapes::creature;
 pub use pliant_mesh::{
@@ -34,9 +35,10 @@ pub use pliant_session::{
     Levels, NoRoom, Ranges, SessionError, SurfacePoint, Update, carry_region,
 };
 pub use pliant_study::{
-    Bound, Caged, Detail, Dragged, Iterations, ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError,
-    Schedule, Stages, StartFrom, Study, StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan,
-    count, paper_sizes, sweep, time_stages, timed,
+    Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, ImplicitRow, Iterations,
+    ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError, Schedule, Stages, StartFrom, Study,
+    StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, compare, count, paper_sizes, sweep,
+    time_stages, timed,
 };
 
 /// The vector types of positions and transforms.

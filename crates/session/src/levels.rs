@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::DVec3;
 use pliant_cage::{BindOptions, Binding, CageError, CageSize, Propagation, Propagator, simplify};
 use pliant_deform::{
-    Acceleration, ArapOptions, DeformError, Deformer, Goals, Method, PrepareReport, Region, Role, SolveReport,
-    StepTimes,
+    Acceleration, ArapOptions, DeformError, Deformer, Goals, ImplicitReport, Method, PrepareReport, Region, Role,
+    SolveReport, StepTimes,
 };
 use pliant_mesh::{Progress, TriMesh};
 
@@ -248,8 +248,21 @@ impl Deformer for CoarseStart {
         Ok(report)
     }
 
+    fn solve_preview(&mut self, goals: &Goals, positions: &mut [DVec3]) -> Result<SolveReport, DeformError> {
+        // Only a method that no level starts has a stage of its own to show.
+        if self.coarse_method.is_some() {
+            self.solve(goals, positions)
+        } else {
+            self.finest.solve_preview(goals, positions)
+        }
+    }
+
     fn prepared(&self) -> PrepareReport {
         self.finest.prepared()
+    }
+
+    fn implicit_report(&self) -> Option<ImplicitReport> {
+        self.finest.implicit_report()
     }
 
     fn step_times(&self) -> StepTimes {

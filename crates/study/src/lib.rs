@@ -3,20 +3,25 @@
 //! [`Study`] takes a shape and a scene through cage, binding, drag and propagation; [`sweep()`] does it for many settings;
 //! [`SweepReport`] tells of it. This crate judges results; it knows neither how a cage is made nor how a method solves.
 
+mod compare;
 mod error;
+mod measure;
 pub mod paper;
 mod pipeline;
 pub mod report;
 pub mod scene;
+mod settings;
 mod stages;
 mod sweep;
 mod timing;
 
+pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
-pub use pipeline::{Bound, CONVERGED, Caged, Dragged, Iterations, Schedule, StartFrom, Study, SweepSize, count};
-pub use report::{Detail, ModelInfo, ReportError, SweepReport, SweepRow};
+pub use pipeline::{Bound, CONVERGED_STEPS, Caged, Dragged, Study, count};
+pub use report::{Comparison, Detail, ImplicitRow, ModelInfo, ReportError, SweepReport, SweepRow};
 pub use scene::{ResolvedHandle, ResolvedScene, Scene, SceneError};
+pub use settings::{CONVERGED, Iterations, Schedule, StartFrom, SweepSize};
 pub use stages::{Stages, timed};
 pub use sweep::{PAPER_SCENE, SweepPlan, sweep};
 pub use timing::{Timing, TimingPlan, time_stages};

@@ -2,147 +2,17 @@
 //!
 //! A single edit and a sweep take the same way; a sweep keeps what several rows share.
 
-use std::fmt;
-use std::str::FromStr;
 use std::time::Instant;
 
 use glam::DVec3;
-use pliant_cage::{BindOptions, Binding, CageError, CageSize, Propagation, Propagator, Simplified, simplify};
-use pliant_deform::{ArapOptions, DeformError, Deformer, Handle, Method, Region};
-use pliant_mesh::metrics::{edge_errors, largest_free_stretch};
+use pliant_cage::{BindOptions, Binding, CageError, Simplified, simplify};
+use pliant_deform::{DeformError, Deformer, Handle, ImplicitReport, Method, Region};
 use pliant_mesh::{FrameFit, TriMesh, VertexSet};
 use pliant_session::{Levels, NoRoom, carry_region};
-use serde::{Deserialize, Serialize};
 
-use crate::report::NO_CAGE;
+use crate::settings::{CONVERGED, Iterations, MOST_ITERATIONS, Schedule, StartFrom, SweepSize};
 use crate::stages::{Stages, milliseconds, timed};
-use crate::{ResolvedScene, Scene, StudyError, SweepRow};
-
-/// The cage of a row, or none: the shape is then deformed directly.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SweepSize {
-    /// A cage of this size.
-    Cage(CageSize),
-    /// No cage.
-    None,
-}
-
-impl fmt::Display for SweepSize {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Cage(CageSize::Vertices(n)) => write!(f, "{n}"),
-            // Rounded to 1e-9 so that 0.07 does not read 7.000000000000001 %.
-            Self::Cage(CageSize::Fraction(share)) => write!(f, "{}%", (share * 1e11).round() / 1e9),
-            Self::Cage(CageSize::Error(e)) => write!(f, "error:{e}"),
-            Self::None => f.write_str(NO_CAGE),
-        }
-    }
-}
-
-/// Reads `2000` (vertices), `5%` (of the shape's vertices), `error:0.002` (of the diagonal) or `none`.
-impl FromStr for SweepSize {
-    type Err = StudyError;
-
-    fn from_str(text: &str) -> Result<Self, StudyError> {
-        let bad = || StudyError::BadSize { found: text.to_owned() };
-        let number = |digits: &str| digits.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(bad);
-        if text == NO_CAGE {
-            Ok(Self::None)
-        } else if let Some(percent) = text.strip_suffix('%') {
-            let share = number(percent.trim_end())? / 100.0;
-            if share > 0.0 && share <= 1.0 { Ok(Self::Cage(CageSize::Fraction(share))) } else { Err(bad()) }
-        } else if let Some(error) = text.strip_prefix("error:") {
-            let error = number(error)?;
-            if error >= 0.0 { Ok(Self::Cage(CageSize::Error(error))) } else { Err(bad()) }
-        } else {
-            text.parse().map(|n| Self::Cage(CageSize::Vertices(n))).map_err(|_| bad())
-        }
-    }
-}
-
-/// How often the solver iterates.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Iterations {
-    /// This many in every step.
-    Count(u32),
-    /// Two in every step but the last, which goes on until the energy falls by less than [`CONVERGED`] of itself in an iteration.
-    Converged,
-}
-
-/// Relative fall of the energy in an iteration that counts as converged.
-pub const CONVERGED: f64 = 1e-5;
-
-/// Iterations after which a solve that should converge is ended all the same.
-const MOST_ITERATIONS: u32 = 2000;
-
-impl fmt::Display for Iterations {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Count(n) => write!(f, "{n}"),
-            Self::Converged => f.write_str("converged"),
-        }
-    }
-}
-
-/// Reads a number or `converged`.
-impl FromStr for Iterations {
-    type Err = StudyError;
-
-    fn from_str(text: &str) -> Result<Self, StudyError> {
-        match text {
-            "converged" => Ok(Self::Converged),
-            _ => match text.parse() {
-                Ok(n) if n <= MOST_ITERATIONS => Ok(Self::Count(n)),
-                _ => Err(StudyError::BadIterations { found: text.to_owned(), most: MOST_ITERATIONS }),
-            },
-        }
-    }
-}
-
-/// How the handles travel to their goals.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Schedule {
-    /// Equal steps from rest to the goals, at least 1; each starts at the pose of the one before.
-    pub steps: usize,
-    /// Iterations in each.
-    pub iterations: Iterations,
-    /// What each starts from.
-    pub start: StartFrom,
-}
-
-/// What a solve on a cage starts from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StartFrom {
-    /// The answer of coarser cages where the goals are far ([`Levels`]), else the pose as it is. Without a cage always the pose.
-    #[default]
-    Levels,
-    /// The pose as it is, as Borosan et al. 2010 do.
-    Pose,
-}
-
-impl fmt::Display for StartFrom {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Levels => "levels",
-            Self::Pose => "pose",
-        })
-    }
-}
-
-impl FromStr for StartFrom {
-    type Err = StudyError;
-
-    fn from_str(text: &str) -> Result<Self, StudyError> {
-        match text {
-            "levels" => Ok(Self::Levels),
-            "pose" => Ok(Self::Pose),
-            _ => Err(StudyError::BadStart { found: text.to_owned() }),
-        }
-    }
-}
+use crate::{ResolvedScene, Scene, StudyError};
 
 /// A shape, its scene, and what every row says of them.
 pub struct Study<'a> {
@@ -152,7 +22,9 @@ pub struct Study<'a> {
     pub model: String,
     pub(crate) scene: ResolvedScene,
     /// Handle of each shape vertex, counted from 1; 0 for free ones.
-    labels: Vec<u32>,
+    pub(crate) labels: Vec<u32>,
+    /// The pose that results are compared with, if that was asked for.
+    pub(crate) converged: Option<Vec<DVec3>>,
 }
 
 /// A control mesh with the scene's handles on it. Without a cage, the shape itself.
@@ -167,7 +39,7 @@ pub struct Caged {
     pub simplify_ms: f64,
     pub(crate) region: Region,
     levels: Levels,
-    warnings: Vec<String>,
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Caged {
@@ -197,11 +69,13 @@ pub struct Bound {
 pub struct Dragged {
     /// Positions of the control mesh's vertices.
     pub pose: Vec<DVec3>,
-    method: String,
-    schedule: Schedule,
-    prepare_ms: f64,
-    drag_ms: f64,
-    warnings: Vec<String>,
+    pub(crate) method: Method,
+    pub(crate) schedule: Schedule,
+    pub(crate) prepare_ms: f64,
+    pub(crate) drag_ms: f64,
+    /// What an implicit method counted and timed.
+    pub(crate) implicit: Option<ImplicitReport>,
+    pub(crate) warnings: Vec<String>,
 }
 
 impl<'a> Study<'a> {
@@ -213,7 +87,22 @@ impl<'a> Study<'a> {
         let scene = scene.resolve(shape)?;
         let handle_of_vertex = scene.handle_of_vertex(shape.vertex_count());
         let labels = handle_of_vertex.into_iter().map(|h| h.map_or(0, |k| k as u32 + 1)).collect();
-        Ok(Self { shape, model: model.into(), scene, labels })
+        Ok(Self { shape, model: model.into(), scene, labels, converged: None })
+    }
+
+    /// Finds the pose that [`crate::SweepRow::distance_to_converged`] is measured from: as-rigid-as-possible deformation without a cage, default
+    /// options, taken to the goals in [`CONVERGED_STEPS`] steps and iterated there until it converges. Rows made before have none.
+    ///
+    /// Takes as long as hundreds of iterations at full resolution.
+    ///
+    /// # Errors
+    /// As [`Self::drag`].
+    pub fn find_converged(&mut self, stages: &dyn Stages) -> Result<(), StudyError> {
+        let schedule =
+            Schedule { steps: CONVERGED_STEPS, iterations: Iterations::Converged, start: StartFrom::default() };
+        let direct = self.cage(SweepSize::None, stages)?;
+        self.converged = Some(self.drag(&direct, &Method::default(), schedule, stages)?.pose);
+        Ok(())
     }
 
     /// Handles of the scene: name, and vertices on the shape.
@@ -330,6 +219,7 @@ impl<'a> Study<'a> {
     ) -> Result<Dragged, StudyError> {
         let named = |e| StudyError::deform(e, self.scene.handles.iter().map(|h| h.name.as_str()));
         let (first, last) = match schedule.iterations {
+            _ if !method.iterates() => (method.clone(), None),
             Iterations::Count(n) => (method.with_iterations(n), None),
             Iterations::Converged => {
                 (method.with_iterations(2), Some(method.until_converged(CONVERGED, MOST_ITERATIONS)))
@@ -374,17 +264,17 @@ impl<'a> Study<'a> {
             }
             Ok((pose, times))
         };
-        let told = format!("{steps} {}, {}", if steps == 1 { "step" } else { "steps" }, schedule.text());
+        let told = format!("{steps} {}, {}", if steps == 1 { "step" } else { "steps" }, schedule.text(method));
         let ((pose, times), _) = timed(stages, "solve", work, |_| told).map_err(named)?;
         // A drag of so many iterations costs the same each time; one that converges is only worth its total.
         let drag_ms = if last.is_some() { times.iter().sum() } else { median(times) };
         Ok(Dragged {
             pose,
-            // Iterations are the schedule's, which rows tell apart.
-            method: method.with_iterations(ArapOptions::default().iterations).to_string(),
+            method: method.clone(),
             schedule: Schedule { steps, ..schedule },
             prepare_ms,
             drag_ms,
+            implicit: finisher.or(stepper).and_then(|deformer| deformer.implicit_report()),
             warnings,
         })
     }
@@ -394,109 +284,10 @@ impl<'a> Study<'a> {
         let scales = self.scene.handles.iter().any(|h| h.motion.is_some_and(|m| m.scale != 1.0));
         if scales { FrameFit::Similarity } else { FrameFit::Rotation }
     }
-
-    /// Carries a pose of the control mesh to the shape, and measures it.
-    pub fn carry(
-        &self,
-        caged: &Caged,
-        bound: &Bound,
-        dragged: &Dragged,
-        propagation: Propagation,
-        stages: &dyn Stages,
-    ) -> (Vec<DVec3>, SweepRow) {
-        let mut propagator = Propagator::new(propagation).with_fit(self.frame_fit());
-        let mut pose = self.shape.positions.clone();
-        propagator.apply(&bound.binding, &caged.mesh.positions, &mut pose);
-        let topology = self.shape.topology();
-        let rest = edge_errors(topology, &self.shape.positions, &pose);
-        let (_, scale) = self.shape.bounds().normal_frame();
-        let moved = pose.iter().zip(&self.shape.positions).map(|(p, x)| p.distance(*x) * scale);
-        let rest_error_max = moved.fold(0.0, f64::max);
-
-        let mut times = Vec::new();
-        let direct = bound.options.is_none();
-        if direct {
-            pose.copy_from_slice(&dragged.pose);
-            times.push(0.0);
-        } else {
-            stages.begin("propagate");
-            for _ in 0..PROPAGATIONS_TIMED {
-                let start = Instant::now();
-                propagator.apply(&bound.binding, &dragged.pose, &mut pose);
-                times.push(milliseconds(start.elapsed()));
-            }
-            let time = std::time::Duration::from_secs_f64(median(times.clone()) / 1e3);
-            stages.end("propagate", time, &format!("{} vertices by {propagation}", count(pose.len())));
-        }
-        let errors = edge_errors(topology, &self.shape.positions, &pose);
-        let cage_errors = edge_errors(caged.mesh.topology(), &caged.mesh.positions, &dragged.pose);
-        let report = bound.binding.report();
-        let goals = self.scene.goals(1.0);
-        let missed = self.scene.handles.iter().zip(&goals).flat_map(|(handle, goal)| {
-            handle.vertices.iter().map(|v| v as usize).map(|v| pose[v].distance(goal.apply(self.shape.positions[v])))
-        });
-        let handle_error_max = missed.fold(0.0, f64::max) * scale;
-        let mut warnings: Vec<String> = caged.warnings.iter().chain(&dragged.warnings).cloned().collect();
-        warnings.extend(report.warnings());
-        if rest.rms_relative > POP {
-            warnings.push(format!(
-                "with nothing deformed, propagation by {propagation} under {} already changes edge lengths by {:.0} % \
-                 (root mean square); propagation by frames changes none",
-                bound.options.map_or(NO_CAGE.to_owned(), |p| p.to_string()),
-                1e2 * rest.rms_relative
-            ));
-        }
-        let row = SweepRow {
-            model: self.model.clone(),
-            vertices: self.shape.vertex_count(),
-            scene: self.scene.name.clone(),
-            cage_asked: caged.size.to_string(),
-            cage_vertices: caged.mesh.vertex_count(),
-            method: dragged.method.clone(),
-            propagation: if direct { NO_CAGE.to_owned() } else { propagation.to_string() },
-            prune: bound.options.map_or(NO_CAGE.to_owned(), |p| p.to_string()),
-            steps: dragged.schedule.steps,
-            start: if direct { NO_CAGE.to_owned() } else { dragged.schedule.start.to_string() },
-            iterations: match dragged.schedule.iterations {
-                Iterations::Count(n) => Some(n as usize),
-                Iterations::Converged => None,
-            },
-            max_free_stretch: largest_free_stretch(topology, &self.shape.positions, &pose, |v| self.labels[v as usize]),
-            cage_rms_relative: cage_errors.rms_relative,
-            rest_rms_relative: rest.rms_relative,
-            rest_error_max,
-            handle_error_max,
-            kept_mean: report.kept_mean,
-            kept_max: report.kept_max,
-            negative_share: report.negative_share,
-            unsafe_rows: report.unsafe_rows,
-            simplify_ms: caged.simplify_ms,
-            bind_ms: bound.bind_ms,
-            prepare_ms: dragged.prepare_ms,
-            drag_ms: dragged.drag_ms,
-            propagate_ms: median(times),
-            warnings,
-            ..SweepRow::default()
-        };
-        (pose, row.with_edge_errors(&errors))
-    }
 }
 
-/// Edge length error at rest from which a row carries a warning: more than the paper's own tables show.
-const POP: f64 = 0.1;
-
-/// Propagations timed per row; the median is reported.
-const PROPAGATIONS_TIMED: usize = 5;
-
-impl Schedule {
-    fn text(self) -> String {
-        match self.iterations {
-            Iterations::Count(1) => "1 iteration each".to_owned(),
-            Iterations::Count(n) => format!("{n} iterations each"),
-            Iterations::Converged => "until converged".to_owned(),
-        }
-    }
-}
+/// Steps in which the pose that results are compared with is reached: none of them turns a handle by half a turn before five full ones.
+pub const CONVERGED_STEPS: usize = 10;
 
 /// The middle value; the lower of two middle ones; 0 of none.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {

@@ -5,8 +5,9 @@ use pliant_deform::{ArapOptions, Method};
 use pliant_mesh::TriMesh;
 
 use crate::paper::paper_sizes;
-use crate::pipeline::{Iterations, Schedule, StartFrom, Study, SweepSize};
+use crate::pipeline::Study;
 use crate::report::{ModelInfo, SweepReport};
+use crate::settings::{Iterations, Schedule, StartFrom, SweepSize};
 use crate::stages::Stages;
 use crate::{Scene, StudyError};
 
@@ -21,12 +22,14 @@ pub struct SweepPlan {
     pub bindings: Vec<BindOptions>,
     /// Methods.
     pub methods: Vec<Method>,
-    /// Iterations.
+    /// Iterations; a method that does not iterate has one row for all of them.
     pub iterations: Vec<Iterations>,
     /// Steps of each drag.
     pub steps: usize,
     /// What each solve on a cage starts from.
     pub start: StartFrom,
+    /// Also measure the distance to converged as-rigid-as-possible deformation without a cage, found once ([`Study::find_converged`]).
+    pub reference: bool,
 }
 
 impl SweepPlan {
@@ -43,6 +46,7 @@ impl SweepPlan {
             iterations: vec![Iterations::Count(2), Iterations::Converged],
             steps: PAPER_STEPS,
             start: StartFrom::Pose,
+            reference: false,
         }
     }
 }
@@ -61,17 +65,11 @@ pub fn sweep(
     plan: &SweepPlan,
     stages: &dyn Stages,
 ) -> Result<SweepReport, StudyError> {
-    let study = Study::new(model, shape, scene)?;
-    let mut report = SweepReport::new(
-        ModelInfo {
-            name: model.to_owned(),
-            vertices: shape.vertex_count(),
-            faces: shape.face_count(),
-            diagonal: shape.bounds().diagonal(),
-            closed: shape.topology().is_closed(),
-        },
-        scene.name.clone(),
-    );
+    let mut study = Study::new(model, shape, scene)?;
+    if plan.reference {
+        study.find_converged(stages)?;
+    }
+    let mut report = SweepReport::new(ModelInfo::of(model, shape), scene.name.clone());
     for &size in &plan.sizes {
         let caged = study.cage(size, stages)?;
         let bindings = if size == SweepSize::None { &[BindOptions::default()] } else { &plan.bindings[..] };
@@ -79,7 +77,9 @@ pub fn sweep(
             bindings.iter().map(|&options| study.bind(&caged, options, stages)).collect::<Result<Vec<_>, _>>()?;
         let propagations = if size == SweepSize::None { &[Propagation::Positions] } else { &plan.propagations[..] };
         for method in &plan.methods {
-            for &iterations in &plan.iterations {
+            // One that does not iterate gives the same for any number of iterations.
+            let differing = if method.iterates() { plan.iterations.len() } else { 1 };
+            for &iterations in plan.iterations.iter().take(differing) {
                 let schedule = Schedule { steps: plan.steps, iterations, start: plan.start };
                 let dragged = study.drag(&caged, method, schedule, stages)?;
                 for &propagation in propagations {

@@ -12,7 +12,8 @@ use pliant_mesh::Progress;
 use serde::{Deserialize, Serialize};
 
 use crate::StudyError;
-use crate::pipeline::{Study, SweepSize, count, median};
+use crate::pipeline::{Study, count, median};
+use crate::settings::SweepSize;
 use crate::stages::{Stages, milliseconds, timed};
 use drags::{Drag, prepare, time_direct, time_normals};
 
@@ -86,8 +87,10 @@ pub struct Timing {
     pub prune: String,
     /// Weights a row, mean.
     pub kept_mean: f64,
-    /// Iterations a drag.
-    pub iterations: u32,
+    /// The solver.
+    pub method: String,
+    /// Iterations a drag; `null` for a method that does not iterate.
+    pub iterations: Option<u32>,
     /// Threads that worked.
     pub threads: usize,
     /// What the processor calls itself; `null` where the system does not tell.
@@ -147,6 +150,7 @@ impl Timing {
     pub fn lines(&self) -> Vec<String> {
         let ms = |what: &str, time: f64, note: &str| format!("{what:<28} {time:>10.3} ms   {note}");
         let rate = |time: f64| self.gigabytes_a_second(time);
+        let solve = self.iterations.map_or_else(|| "a solve".to_owned(), |n| format!("{n} iterations"));
         let mut lines = vec![
             ms("read or make", self.read_ms, "once"),
             ms("simplify", self.simplify_ms, ""),
@@ -164,7 +168,7 @@ impl Timing {
             ms(
                 "drag, median",
                 self.drag_ms_median,
-                &format!("{} iterations and propagation: {:.0} a second", self.iterations, 1e3 / self.drag_ms_median),
+                &format!("{solve} and propagation: {:.0} a second", 1e3 / self.drag_ms_median),
             ),
             ms("drag, 99 % within", self.drag_ms_p99, &format!("of {} drags", self.drags)),
             ms("  local steps", self.local_ms, ""),
@@ -247,7 +251,8 @@ pub fn time_stages(
         scene: study.scene.name.clone(),
         prune: plan.bind.to_string(),
         kept_mean: bound.binding.report().kept_mean,
-        iterations: plan.iterations,
+        method: plan.method.with_default_iterations().to_string(),
+        iterations: plan.method.iterates().then_some(plan.iterations),
         threads: rayon::current_num_threads(),
         cpu: cpu_name(),
         repeats: plan.repeats.max(1),

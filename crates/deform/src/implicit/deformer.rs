@@ -106,6 +106,10 @@ impl Deformer for Implicit {
         let ImplicitReport { svd, solve_first, solve_second, .. } = self.edit.report;
         StepTimes { local: svd, global: solve_first + solve_second }
     }
+
+    fn implicit_report(&self) -> Option<ImplicitReport> {
+        Some(self.report())
+    }
 }
 
 impl Edit {

@@ -17,7 +17,9 @@ mod colour;
 mod occlusion;
 mod raster;
 mod shade;
+mod sheet;
 mod strip;
+mod text;
 
 use std::fmt;
 use std::path::Path;
@@ -29,6 +31,7 @@ use thiserror::Error;
 use crate::{FileError, IoError, write_atomic};
 pub use camera::View;
 pub use colour::colour_map;
+pub use sheet::{SheetCell, SheetRow, contact_sheet};
 pub use strip::{strip, trim_alike};
 
 /// What to draw a mesh like.

@@ -11,14 +11,21 @@ pub fn strip(pictures: &[Picture], gap: u32, background: [u8; 3]) -> Picture {
     let mut left = 0;
     for picture in pictures {
         let top = (height - picture.height) / 2;
-        let length = 3 * picture.width as usize;
-        for row in 0..picture.height as usize {
-            let to = 3 * ((top as usize + row) * width as usize + left as usize);
-            joined.rgb[to..to + length].copy_from_slice(&picture.rgb[row * length..][..length]);
-        }
+        joined.put(picture, left, top);
         left += picture.width + gap;
     }
     joined
+}
+
+impl Picture {
+    /// Copies a picture into this one, its upper left corner at a column and row; it must fit.
+    pub(super) fn put(&mut self, picture: &Picture, left: u32, top: u32) {
+        let length = 3 * picture.width as usize;
+        for row in 0..picture.height as usize {
+            let to = 3 * ((top as usize + row) * self.width as usize + left as usize);
+            self.rgb[to..to + length].copy_from_slice(&picture.rgb[row * length..][..length]);
+        }
+    }
 }
 
 /// Cuts the margins off pictures of one size: the same rectangle out of each, the smallest that keeps every pixel whose

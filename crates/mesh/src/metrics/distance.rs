@@ -30,6 +30,12 @@ pub fn surface_distance(points: &[DVec3], surface: &TriMesh) -> SurfaceDistance 
     }
 }
 
+/// Root mean square of the distances between the positions of the same vertex in two poses, in units of the model; 0 without vertices.
+pub fn rms_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let square: f64 = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum();
+    (square / a.len().max(1) as f64).sqrt()
+}
+
 /// The point of a triangle nearest to `p` (Ericson, Real-Time Collision Detection, 5.1.5: by Voronoi region of the plane).
 pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
@@ -89,6 +95,15 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Two vertices moved by 3 and by 4: the mean of 9 and 16 is 12.5.
+    #[test]
+    fn distance_of_poses_is_the_root_mean_square_of_displacements() {
+        let rest = [DVec3::ONE, DVec3::ZERO];
+        let pose = [DVec3::ONE + 3.0 * DVec3::X, 4.0 * DVec3::Z];
+        assert!((rms_distance(&rest, &pose) - 12.5_f64.sqrt()).abs() < 1e-15);
+        assert_eq!((rms_distance(&rest, &rest), rms_distance(&[], &[])), (0.0, 0.0));
     }
 
     #[test]

@@ -77,6 +77,31 @@ pub fn largest_free_stretch(topology: &Topology, rest: &[DVec3], pose: &[DVec3],
     largest
 }
 
+/// At each vertex, the mean relative length error `|l' - l| / l` of the edges there, a fraction; 0 where there is none with a rest length.
+///
+/// # Panics
+/// If a slice is shorter than the number of vertices.
+pub fn edge_errors_at_vertices(topology: &Topology, rest: &[DVec3], pose: &[DVec3]) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0u32); topology.vertex_count()];
+    for edge in topology.edges() {
+        let [a, b] = edge.map(|v| v as usize);
+        let before = rest[a].distance(rest[b]);
+        if before > 0.0 {
+            let error = ((pose[a].distance(pose[b]) - before) / before).abs();
+            for v in [a, b] {
+                sums[v] = (sums[v].0 + error, sums[v].1 + 1);
+            }
+        }
+    }
+    sums.into_iter().map(|(sum, count)| sum / f64::from(count.max(1))).collect()
+}
+
+/// Length of the longest edge; 0 without edges.
+pub(super) fn longest_edge(topology: &Topology, positions: &[DVec3]) -> f64 {
+    let length = |edge: &[u32; 2]| positions[edge[0] as usize].distance(positions[edge[1] as usize]);
+    topology.edges().iter().map(length).fold(0.0, f64::max)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,5 +130,10 @@ mod tests {
         let rms = ((0.09 + 0.01 + third * third) / 3.0).sqrt();
         let relative = ((0.09 + 0.09 + hypotenuse.0.powi(2)) / 20.0).sqrt();
         assert!((errors.rms_relative - rms).abs() < 1e-12 && (errors.relative_rms - relative).abs() < 1e-12);
+        // Each vertex has the mean of its two edges.
+        let found = edge_errors_at_vertices(&topology, &rest, &pose);
+        for (found, expected) in found.iter().zip([0.3 + third, 0.3 + 0.1, third + 0.1]) {
+            assert!((found - expected / 2.0).abs() < 1e-12, "{found}");
+        }
     }
 }

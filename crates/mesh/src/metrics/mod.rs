@@ -5,8 +5,12 @@
 mod distance;
 mod edge_length;
 mod face_tree;
+mod flips;
+mod volume;
 
 pub use distance::closest_on_triangle;
-pub use distance::{SurfaceDistance, distances_to_surface, surface_distance};
-pub use edge_length::{EdgeErrors, edge_errors, largest_free_stretch};
+pub use distance::{SurfaceDistance, distances_to_surface, rms_distance, surface_distance};
+pub use edge_length::{EdgeErrors, edge_errors, edge_errors_at_vertices, largest_free_stretch};
 pub use face_tree::FaceTree;
+pub use flips::flipped_faces;
+pub use volume::{signed_volume, volume_change};

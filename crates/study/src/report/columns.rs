@@ -56,6 +56,7 @@ impl Cell {
     /// As people read it: percent, and as many digits as matter.
     pub(super) fn rounded(&self) -> String {
         match self {
+            Self::Share(x) | Self::Number(x) | Self::Time(x) if x.is_nan() => "-".to_owned(),
             Self::Share(x) => fixed_or_tiny(100.0 * x, 2),
             Self::Number(x) => fixed_or_tiny(*x, 2),
             Self::Time(x) if x.abs() >= 99.95 => format!("{x:.0}"),
@@ -88,8 +89,12 @@ fn text(text: &str) -> Cell {
     Cell::Text(text.to_owned())
 }
 
+fn share(figure: Option<f64>) -> Cell {
+    figure.map_or(Cell::Missing, Cell::Share)
+}
+
 /// Every column in the order of the tables, from what was asked over what came out to what it took.
-pub(super) const COLUMNS: [Column; 34] = {
+pub(super) const COLUMNS: [Column; 38] = {
     use Shown::{Always, Full, Main, Never, Setting};
 
     const fn column(key: &'static str, heading: &'static str, shown: Shown, cell: fn(&SweepRow) -> Cell) -> Column {
@@ -102,7 +107,12 @@ pub(super) const COLUMNS: [Column; 34] = {
         column("scene", "scene", Setting, |r| text(&r.scene)),
         column("method", "method", Setting, |r| text(&r.method)),
         column("steps", "steps", Setting, |r| Cell::Count(r.steps)),
-        column("iterations", "iterations", Setting, |r| r.iterations.map_or_else(|| text("converged"), Cell::Count)),
+        column("iterations", "iterations", Setting, |r| match r.iterations {
+            Some(count) => Cell::Count(count),
+            None if r.linear => Cell::Missing,
+            None => text("converged"),
+        }),
+        column("linear", "linear", Never, |r| text(if r.linear { "true" } else { "false" })),
         column("start", "start", Setting, |r| text(&r.start)),
         column("propagation", "propagation", Setting, |r| text(&r.propagation)),
         column("prune", "prune", Setting, |r| text(&r.prune)),
@@ -120,6 +130,11 @@ pub(super) const COLUMNS: [Column; 34] = {
         column("rest_rms_relative", "rest RMS (%)", Main, |r| Cell::Share(r.rest_rms_relative)),
         column("rest_error_max", "rest max (% of diagonal)", Main, |r| Cell::Share(r.rest_error_max)),
         column("handle_error_max", "handles off by (% of diagonal)", Full, |r| Cell::Share(r.handle_error_max)),
+        column("distance_to_converged", "from converged ARAP (% of diagonal)", Main, |r| {
+            share(r.distance_to_converged)
+        }),
+        column("volume_change", "volume change (%)", Main, |r| share(r.volume_change)),
+        column("flipped_faces", "flipped faces", Main, |r| r.flipped_faces.map_or(Cell::Missing, Cell::Count)),
         column("kept_mean", "kept mean", Main, |r| Cell::Number(r.kept_mean)),
         column("kept_max", "kept max", Main, |r| Cell::Count(r.kept_max)),
         column("negative_share", "negative weights (%)", Full, |r| Cell::Share(r.negative_share)),

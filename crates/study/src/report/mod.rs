@@ -4,6 +4,7 @@
 //! Times are milliseconds everywhere.
 
 mod columns;
+mod comparison;
 mod plot;
 mod row;
 mod series;
@@ -11,9 +12,11 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use comparison::{Comparison, ImplicitRow};
 pub use row::{NO_CAGE, SweepRow};
 pub use table::Detail;
 
@@ -47,6 +50,19 @@ pub struct ModelInfo {
     pub diagonal: f64,
     /// Whether the surface has no boundary.
     pub closed: bool,
+}
+
+impl ModelInfo {
+    /// What there is to say of a shape called `name`.
+    pub fn of(name: &str, shape: &TriMesh) -> Self {
+        Self {
+            name: name.to_owned(),
+            vertices: shape.vertex_count(),
+            faces: shape.face_count(),
+            diagonal: shape.bounds().diagonal(),
+            closed: shape.topology().is_closed(),
+        }
+    }
 }
 
 /// Text that is not a report.

@@ -31,8 +31,11 @@ pub struct SweepRow {
     /// What each solve starts from: `levels` (coarser cages), `pose`, or [`NO_CAGE`].
     #[serde(default)]
     pub start: String,
-    /// Iterations of the solver in each step; `null` when it ran until it converged.
+    /// Iterations of the solver in each step; `null` when it ran until it converged, or when the method does not iterate.
     pub iterations: Option<usize>,
+    /// Whether the method solves linear systems instead of iterating.
+    #[serde(default)]
+    pub linear: bool,
 
     /// `sqrt(mean ((l' - l) / l)^2)`: the headline.
     #[serde(with = "null_is_nan")]
@@ -68,6 +71,17 @@ pub struct SweepRow {
     /// meets handles only as closely as it follows their borders.
     #[serde(default, with = "null_is_nan")]
     pub handle_error_max: f64,
+    /// Change of the signed volume as a share of that at rest; `null` for an open mesh.
+    #[serde(default)]
+    pub volume_change: Option<f64>,
+    /// Faces that turned over against the surface round them ([`flipped_faces`](pliant_mesh::metrics::flipped_faces)); `null` where the
+    /// method gave no pose.
+    #[serde(default)]
+    pub flipped_faces: Option<usize>,
+    /// Root mean square distance of the vertices to where converged as-rigid-as-possible deformation without a cage puts them, as a
+    /// fraction of the diagonal; `null` unless asked for.
+    #[serde(default)]
+    pub distance_to_converged: Option<f64>,
     /// The paper's error for this model and cage size.
     #[serde(default)]
     pub published: Option<f64>,
@@ -95,7 +109,8 @@ pub struct SweepRow {
     /// Time to assemble and factor the solver's matrix for these handles.
     #[serde(with = "null_is_nan")]
     pub prepare_ms: f64,
-    /// Time to solve on the cage: of one step (the median over the steps), or of all steps together when it ran until it converged.
+    /// Time to solve on the cage: of one step (the median over the steps), or of all steps together when it ran until it
+    /// converged.
     #[serde(with = "null_is_nan")]
     pub drag_ms: f64,
     /// Time to carry one step's result to the shape (the median over the steps).
@@ -135,9 +150,38 @@ impl SweepRow {
         }
     }
 
-    /// `20 steps of 2 iterations`, `2 iterations`, `converged`, ...
+    /// The row of a method that gave no pose: no figures, and the reason as a warning.
+    #[must_use]
+    pub fn refused(self, reason: &str) -> Self {
+        let nothing = EdgeErrors {
+            rms_relative: f64::NAN,
+            relative_rms: f64::NAN,
+            median: f64::NAN,
+            p95: f64::NAN,
+            p99: f64::NAN,
+            max: f64::NAN,
+            degenerate: 0,
+        };
+        let mut row = Self {
+            max_free_stretch: f64::NAN,
+            cage_rms_relative: f64::NAN,
+            handle_error_max: f64::NAN,
+            prepare_ms: f64::NAN,
+            drag_ms: f64::NAN,
+            propagate_ms: f64::NAN,
+            volume_change: None,
+            flipped_faces: None,
+            distance_to_converged: None,
+            ..self
+        };
+        row.warnings.push(format!("{} refused: {reason}", row.method));
+        row.with_edge_errors(&nothing)
+    }
+
+    /// `20 steps of 2 iterations`, `2 iterations`, `converged`, `linear`, ...
     pub fn schedule(&self) -> String {
         let each = match self.iterations {
+            _ if self.linear => "linear".to_owned(),
             Some(1) => "1 iteration".to_owned(),
             Some(count) => format!("{count} iterations"),
             None => "converged".to_owned(),

@@ -19,21 +19,9 @@ impl SweepReport {
     /// Comma-separated values (RFC 4180): a header of the fields' names, then one record per row; lines end with CR LF.
     ///
     /// Errors are fractions, numbers have full precision. Missing values are empty, `iterations` is `converged` where
-    /// JSON has `null`, and warnings are joined by `; `.
+    /// JSON has `null` of a method that iterates, and warnings are joined by `; `.
     pub fn to_csv(&self) -> String {
-        let mut csv = String::new();
-        let mut record = |fields: &mut dyn Iterator<Item = String>| {
-            for (k, field) in fields.enumerate() {
-                csv.push_str(if k > 0 { "," } else { "" });
-                csv.push_str(&quoted(field));
-            }
-            csv.push_str("\r\n");
-        };
-        record(&mut COLUMNS.iter().map(|column| column.key.to_owned()));
-        for row in &self.rows {
-            record(&mut COLUMNS.iter().map(|column| (column.cell)(row).exact()));
-        }
-        csv
+        csv(self.rows.iter())
     }
 
     /// A Markdown table with units in its header, errors in percent.
@@ -88,23 +76,9 @@ impl SweepReport {
         for row in &self.rows {
             lines.push(columns.iter().map(|column| shown_cell(column, row)).collect());
         }
-        // A column of text starts at the left, one of numbers ends at the right.
         let numeric: Vec<bool> =
             columns.iter().map(|c| self.rows.iter().any(|row| (c.cell)(row).is_number())).collect();
-        let width = |k: usize| lines.iter().map(|line| line[k].chars().count()).max().unwrap_or(0).max(3);
-        let widths: Vec<usize> = (0..columns.len()).map(width).collect();
-        for (number, line) in lines.iter().enumerate() {
-            for ((cell, &width), &right) in line.iter().zip(&widths).zip(&numeric) {
-                let _ = if right { write!(out, "| {cell:>width$} ") } else { write!(out, "| {cell:<width$} ") };
-            }
-            out.push_str("|\n");
-            if number == 0 {
-                for (&width, &right) in widths.iter().zip(&numeric) {
-                    let _ = write!(out, "|{}{}", "-".repeat(width + 1), if right { ":" } else { "-" });
-                }
-                out.push_str("|\n");
-            }
-        }
+        write_padded(out, &lines, &numeric);
     }
 
     fn write_remarks(&self, out: &mut String) {
@@ -115,6 +89,41 @@ impl SweepReport {
         if !remarks.is_empty() {
             out.push('\n');
             remarks.iter().for_each(|remark| out.push_str(&format!("- {remark}\n")));
+        }
+    }
+}
+
+/// Records of rows under one header; see [`SweepReport::to_csv`].
+pub(super) fn csv<'a>(rows: impl Iterator<Item = &'a SweepRow>) -> String {
+    let mut csv = String::new();
+    let mut record = |fields: &mut dyn Iterator<Item = String>| {
+        for (k, field) in fields.enumerate() {
+            csv.push_str(if k > 0 { "," } else { "" });
+            csv.push_str(&quoted(field));
+        }
+        csv.push_str("\r\n");
+    };
+    record(&mut COLUMNS.iter().map(|column| column.key.to_owned()));
+    for row in rows {
+        record(&mut COLUMNS.iter().map(|column| (column.cell)(row).exact()));
+    }
+    csv
+}
+
+/// Writes a Markdown table, its first line the header; a column of text starts at the left, one of numbers ends at the right.
+pub(super) fn write_padded(out: &mut String, lines: &[Vec<String>], numeric: &[bool]) {
+    let width = |k: usize| lines.iter().map(|line| line[k].chars().count()).max().unwrap_or(0).max(3);
+    let widths: Vec<usize> = (0..numeric.len()).map(width).collect();
+    for (number, line) in lines.iter().enumerate() {
+        for ((cell, &width), &right) in line.iter().zip(&widths).zip(numeric) {
+            let _ = if right { write!(out, "| {cell:>width$} ") } else { write!(out, "| {cell:<width$} ") };
+        }
+        out.push_str("|\n");
+        if number == 0 {
+            for (&width, &right) in widths.iter().zip(numeric) {
+                let _ = write!(out, "|{}{}", "-".repeat(width + 1), if right { ":" } else { "-" });
+            }
+            out.push_str("|\n");
         }
     }
 }
@@ -132,6 +141,6 @@ fn quoted(field: String) -> String {
 }
 
 /// Text that does not end a table's cell or line.
-fn in_markdown(text: &str) -> String {
+pub(super) fn in_markdown(text: &str) -> String {
     text.replace('|', "\\|").replace(['\r', '\n'], " ")
 }

@@ -266,7 +266,7 @@ fn numbers_are_rounded_for_people_without_turning_into_zero() {
         (Cell::Share(4.9e-5), "5e-3"),
         (Cell::Share(5.1e-5), "0.01"),
         (Cell::Share(2.3e-14), "2e-12"),
-        (Cell::Share(f64::NAN), "NaN"),
+        (Cell::Share(f64::NAN), "-"),
         (Cell::Share(1e12), "1e14"),
         (Cell::Time(1669.4), "1669"),
         (Cell::Time(99.96), "100"),
@@ -286,6 +286,26 @@ fn schedules_read_as_sentences() {
     assert_eq!(schedule(1, Some(1)), "1 iteration");
     assert_eq!(schedule(1, None), "converged");
     assert_eq!(schedule(4, None), "4 steps, converged");
+    let linear = |steps| SweepRow { steps, linear: true, ..SweepRow::default() }.schedule();
+    assert_eq!((linear(1), linear(4)), ("linear".to_owned(), "4 steps, linear".to_owned()));
+}
+
+/// A method without iterations shows a dash where one that converged says so; a refusal shows dashes for all that came out, and why.
+#[test]
+fn what_a_row_has_not_is_a_dash() {
+    let row = |method: &str, linear| SweepRow { method: method.to_owned(), linear, ..SweepRow::default() };
+    let mut report = SweepReport::new(ModelInfo::default(), "scene");
+    report.rows = vec![row("arap", false), row("implicit", true), row("dual", false).refused("no, because")];
+    let table = markdown_table(&report.to_markdown(Detail::Full));
+    let column = |name: &str| {
+        let at = table[0].iter().position(|heading| heading == name).unwrap_or_else(|| panic!("{name}"));
+        table[2..].iter().map(|line| line[at].clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(column("iterations"), ["converged", "-", "converged"]);
+    assert_eq!(column("RMS relative (%)"), ["0", "0", "-"]);
+    assert!(report.to_markdown(Detail::Main).contains("Row 3: dual refused: no, because"));
+    let read = SweepReport::read_json(&report.to_json(), "r.json").expect("JSON");
+    assert!(read.rows[2].rms_relative.is_nan() && read.rows[1].linear && read.rows[1].iterations.is_none());
 }
 
 #[test]

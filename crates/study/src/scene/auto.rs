@@ -37,6 +37,7 @@ impl Scene {
                           the shortest axis and moves sideways by a tenth of the diagonal."
                     .to_owned(),
             shape: None,
+            method: None,
             handles: vec![
                 SceneHandle {
                     name: "low end".to_owned(),

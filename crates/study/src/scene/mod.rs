@@ -29,6 +29,7 @@
 mod auto;
 mod check;
 mod error;
+mod method_text;
 mod resolve;
 #[cfg(test)]
 mod tests;
@@ -38,6 +39,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use glam::DVec3;
+use pliant_deform::Method;
 use pliant_mesh::Bounds;
 use serde::{Deserialize, Serialize};
 
@@ -61,6 +63,17 @@ const BUILTIN: [(&str, &str); 10] = [
     ("plane-lift", include_str!("../../../../data/scenes/plane-lift.json")),
 ];
 
+/// Those among them that papers on deformation show, each made for a generated shape.
+const CLASSIC: [&str; 7] = [
+    "bar-twist-135",
+    "bar-twist-270",
+    "bar-twist-720",
+    "cylinder-bend-120",
+    "plane-lift",
+    "cactus-bend-70",
+    "creature-tail",
+];
+
 /// An edit script for a shape in a known pose, at any resolution.
 ///
 /// *Box coordinates* run from 0 to 1 along each axis of the shape's bounding box; lengths are fractions of its diagonal;
@@ -77,6 +90,9 @@ pub struct Scene {
     /// model in a file. It fits others too, as far as their handles have vertices there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<String>,
+    /// The method that deforms, as text (`"arap:uniform+spokes"`), where none is asked for; none for the default.
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "method_text")]
+    pub method: Option<Method>,
     /// The handles, each under its own name. A vertex in several regions belongs to the first.
     pub handles: Vec<SceneHandle>,
 }
@@ -241,6 +257,11 @@ impl Scene {
     /// Names that [`Scene::builtin`] takes.
     pub fn builtin_names() -> impl Iterator<Item = &'static str> {
         BUILTIN.iter().map(|(name, _)| *name)
+    }
+
+    /// Names of the built-in scenes that papers on deformation show; each has a [`Scene::shape`].
+    pub fn classic_names() -> impl Iterator<Item = &'static str> {
+        CLASSIC.into_iter()
     }
 
     /// The scene a user named: `auto`, else a built-in scene's name, else a file.

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 use super::TimingPlan;
 use crate::StudyError;
-use crate::pipeline::{Caged, StartFrom, Study, median};
+use crate::pipeline::{Caged, Study, median};
+use crate::settings::StartFrom;
 use crate::stages::milliseconds;
 
 /// Steps from rest to the goals; the drags timed go back and forth in the middle of them.

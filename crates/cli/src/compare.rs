@@ -1,0 +1,140 @@
+use std::path::PathBuf;
+
+use anyhow::Result;
+use pliant::glam::DVec3;
+use pliant::{
+    Bounds, CageSize, ComparePlan, Compared, Comparison, Detail, Picture, PictureOptions, Scene, Schedule, SheetCell,
+    SheetRow, StartFrom, SweepSize, TriMesh, Values, View, can_write, compare, contact_sheet, edge_errors_at_vertices,
+    render_values, timed, trim_alike, write_atomic, write_png,
+};
+
+use crate::args::CompareOptions;
+use crate::console::Console;
+use crate::model::Model;
+use crate::sweep::with_extensions;
+
+/// The mean edge error at a vertex that has the last colour.
+const WORST: f64 = 0.3;
+
+pub(crate) fn run(options: &CompareOptions) -> Result<()> {
+    let files = with_extensions(&options.output, ["json", "csv", "md", "png"]);
+    for (path, kind) in &files {
+        can_write(path, &[kind])?;
+    }
+    let console = Console::new(options.json);
+    let plan = plan(options);
+    let mut comparison = Comparison::default();
+    let mut rows = Vec::new();
+    for (model, scene) in cases(options, &console, &files)? {
+        let mut compared = compare(&model.name, &model.mesh, &scene, &plan, &console)?;
+        compared.report.notes.extend(model.notes());
+        let (row, _) = timed(
+            &console,
+            "draw",
+            |_| draw(&model.mesh, &compared),
+            |row: &SheetRow| format!("{} pictures", row.cells.len()),
+        )?;
+        rows.push(row);
+        comparison.cases.push(compared.report);
+        comparison.implicit.extend(compared.implicit);
+    }
+    for (path, kind) in &files {
+        match *kind {
+            "json" => write_atomic(path, comparison.to_json().as_bytes())?,
+            "csv" => write_atomic(path, comparison.to_csv().as_bytes())?,
+            "md" => write_atomic(path, comparison.to_markdown(Detail::Full).as_bytes())?,
+            _ => {
+                let headings: Vec<String> = plan.methods.iter().map(ToString::to_string).collect();
+                write_png(path, &contact_sheet(&headings, &rows, PictureOptions::default().background))?;
+            }
+        }
+    }
+    if options.json {
+        use std::io::Write;
+        writeln!(std::io::stdout().lock(), "{}", comparison.to_json())?;
+        return Ok(());
+    }
+    console.say("")?;
+    console.say(&comparison.to_markdown(Detail::Main))?;
+    for (path, _) in files {
+        console.say(&format!("wrote {}", path.display()))?;
+    }
+    Ok(())
+}
+
+fn plan(options: &CompareOptions) -> ComparePlan {
+    let mut plan = ComparePlan {
+        size: options.cage.unwrap_or(if options.classic {
+            SweepSize::None
+        } else {
+            SweepSize::Cage(CageSize::Fraction(0.05))
+        }),
+        schedule: Schedule {
+            steps: options.steps as usize,
+            iterations: options.iterations,
+            start: StartFrom::default(),
+        },
+        ..ComparePlan::default()
+    };
+    if !options.methods.is_empty() {
+        plan.methods.clone_from(&options.methods);
+    }
+    plan
+}
+
+/// The shapes and the scenes on them.
+fn cases(options: &CompareOptions, console: &Console, files: &[(PathBuf, &str)]) -> Result<Vec<(Model, Scene)>> {
+    let Some(name) = &options.model else {
+        let scenes = Scene::classic_names().map(Scene::builtin).collect::<Result<Vec<_>, _>>()?;
+        let made_for = scenes.into_iter().filter_map(|scene| Some((scene.shape.clone()?, scene)));
+        return made_for
+            .map(|(shape, scene)| Ok((Model::open(&format!("{shape}:{}", options.vertices), console)?, scene)))
+            .collect();
+    };
+    let model = Model::open(name, console)?;
+    model.check_outputs(files.iter().map(|(path, _)| path.as_path()), options.scene.as_deref())?;
+    let scene = model.scene(options.scene.as_deref())?;
+    Ok(vec![(model, scene)])
+}
+
+/// The shape by each method, from one camera, coloured by edge errors.
+fn draw(shape: &TriMesh, compared: &Compared) -> Result<SheetRow> {
+    let base = PictureOptions { width: 150, height: 130, view: view(&shape.bounds()), ..PictureOptions::default() };
+    let options = PictureOptions { framing: Some(framing(shape, compared)), ..base };
+    let mut pictures = Vec::new();
+    for pose in compared.poses.iter().flatten() {
+        let errors = edge_errors_at_vertices(shape.topology(), &shape.positions, pose);
+        let values = Values { of_vertices: &errors, range: (0.0, WORST) };
+        pictures.push(render_values(&shape.with_positions(pose.clone())?, values, &options)?);
+    }
+    let mut pictures = trim_alike(&pictures, 2, options.background).into_iter();
+    let report = &compared.report;
+    let cells = report.rows.iter().zip(&compared.poses).map(|(row, pose)| {
+        let picture: Option<Picture> = pose.as_ref().and_then(|_| pictures.next());
+        let caption = if picture.is_some() { format!("{:.1} %", 1e2 * row.rms_relative) } else { "refused".to_owned() };
+        SheetCell { picture, caption }
+    });
+    Ok(SheetRow { title: format!("{}, {}", report.model.name, report.scene), cells: cells.collect() })
+}
+
+/// What all pictures of a row show: every pose that is no more than twice as large as the shape at rest, so that one which breaks apart
+/// does not make all others small.
+fn framing(shape: &TriMesh, compared: &Compared) -> Bounds {
+    let rest = shape.bounds();
+    let poses = compared.poses.iter().flatten().map(|pose| Bounds::of(pose));
+    let corners: Vec<DVec3> = poses
+        .filter(|bounds| bounds.diagonal() <= 2.0 * rest.diagonal())
+        .flat_map(|bounds| [bounds.min, bounds.max])
+        .collect();
+    if corners.is_empty() { rest } else { Bounds::of(&corners) }
+}
+
+/// From the front; of something flat that lies in the plane z = 0, from low above its side, so that what is lifted from it shows.
+fn view(rest: &Bounds) -> View {
+    let size = rest.size();
+    if size.z < 0.3 * size.x.min(size.y) {
+        View { from: DVec3::new(0.5, -1.0, 0.45), up: DVec3::Z }
+    } else {
+        View::default()
+    }
+}
