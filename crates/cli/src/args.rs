@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use pliant::{BindOptions, Iterations, Method, Propagation, StartFrom, SweepSize};
 
 const LEARN_MORE: &str = "\
-StartFrom with `pliant demo`, then try an edit of your own:
+Start with `pliant demo`, then try an edit of your own:
   pliant edit bunny.obj --cage 5% -o out/bunny.glb
   pliant sweep bunny.obj --sizes 1%,5%,none -o out/bunny
 `pliant COMMAND --help` explains each command with examples.";
