@@ -5,7 +5,7 @@ mod common;
 use common::{bar, distance, pyramid, sheet, torus, variants};
 use glam::{DMat3, DVec3};
 use pliant_deform::arap::{Arap, ArapEnergy, ArapOptions, EdgeWeightKind};
-use pliant_deform::{Constraint, Deformer, Goals, Handle, Region, Role};
+use pliant_deform::{Constraint, Deformer, Goals, Handle, PointRows, Region, Role};
 use pliant_mesh::{Similarity, TriMesh, VertexSet};
 
 /// Everything below is written from the energies alone: cells as lists of weighted edges, a dense matrix, elimination
@@ -203,7 +203,7 @@ fn five_iterations() -> impl Iterator<Item = ArapOptions> {
 fn handles(mesh: &TriMesh, second: Constraint) -> Vec<Handle> {
     let ends = [0.0..=0.1, 0.85..=1.0].map(|range| common::along_x(mesh, range));
     let [first, last] = ends;
-    vec![Handle::hard(first), Handle { vertices: last, constraint: second }]
+    vec![Handle::hard(first), Handle { vertices: last, rows: PointRows::new(), constraint: second }]
 }
 
 fn bend(mesh: &TriMesh) -> Goals {
