@@ -5,6 +5,9 @@ use pliant_deform::arap::{ArapEnergy, ArapOptions, EdgeWeightKind};
 use pliant_deform::{Constraint, Goals, Region, Role};
 use pliant_mesh::TriMesh;
 
+/// Constraint, vertices with weights, and target of a point.
+type PointRow = (Constraint, Vec<(usize, f64)>, DVec3);
+
 /// Everything below is written from the energies alone: cells as lists of weighted edges, a dense matrix, elimination
 /// without pivoting, and rotations from singular vectors.
 pub(crate) struct Dense<'a> {
@@ -153,8 +156,8 @@ impl<'a> Dense<'a> {
         }
     }
 
-    /// Constraint, vertices with weights, and target of each point.
-    fn rows(&self, goals: &Goals) -> Vec<(Constraint, Vec<(usize, f64)>, DVec3)> {
+    /// The points of all handles, in order.
+    fn rows(&self, goals: &Goals) -> Vec<PointRow> {
         let mut all = Vec::new();
         for (handle, goal) in self.region.handles().iter().zip(&goals.transforms) {
             for row in handle.rows.iter() {
