@@ -43,7 +43,7 @@ pub enum DeformError {
     /// Something has not one entry per vertex or handle.
     #[error("{found} {what} given where {expected} are needed")]
     WrongCount {
-        /// "positions", "goals", "turns" or "vertices of the region".
+        /// "positions", "goals", "turns", "points" or "vertices of the region".
         what: &'static str,
         /// How many are needed.
         expected: usize,
@@ -59,6 +59,14 @@ pub enum DeformError {
         expected: &'static str,
         /// The value given.
         found: String,
+    },
+    /// A handle has points that are no vertices, and the method only takes vertices.
+    #[error(
+        "handle {handle} holds points that are no vertices, which only as-rigid-as-possible deformation (arap) takes"
+    )]
+    PointsNotTaken {
+        /// The first such handle.
+        handle: usize,
     },
     /// A mesh or pose is not usable.
     #[error(transparent)]
@@ -86,8 +94,8 @@ pub enum DeformError {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum HandleFault {
-    /// It has no vertex.
-    #[error("has no vertex")]
+    /// It has no vertex and no point.
+    #[error("has no vertex and no point")]
     Empty,
     /// It names a vertex that does not exist.
     #[error("has vertex {vertex}, but there are {vertices} vertices (numbered from 0)")]
@@ -116,6 +124,46 @@ pub enum HandleFault {
     Weight {
         /// The weight.
         weight: f64,
+    },
+    /// A point's row names a vertex that does not exist.
+    #[error("has point {row} with vertex {vertex}, but there are {vertices} vertices (numbered from 0)")]
+    RowVertexOutOfRange {
+        /// The point, from 0 within the handle.
+        row: usize,
+        /// The vertex named.
+        vertex: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// A point's row has a weight that is infinite or not a number.
+    #[error("has point {row} with a weight that is not a finite number")]
+    RowNotFinite {
+        /// The point, from 0 within the handle.
+        row: usize,
+    },
+    /// The weights of a point's row do not sum to 1 within 1e-6, or only by cancelling each other.
+    #[error(
+        "has point {row} whose weights sum to {sum} (they must sum to 1 within 1e-6, and their magnitudes to at most 1e6)"
+    )]
+    RowSum {
+        /// The point, from 0 within the handle.
+        row: usize,
+        /// The sum.
+        sum: f64,
+    },
+    /// A point's row has fixed vertices only, so nothing can move the point.
+    #[error("has point {row}, all of whose vertices are outside the region of interest")]
+    RowOutsideRegion {
+        /// The point, from 0 within the handle.
+        row: usize,
+    },
+    /// The target of a point is not a finite number or too far away to compute with.
+    #[error(
+        "has point {row} with a target that is not finite or too far away to compute with (over 1e100 times the size of the shape)"
+    )]
+    Target {
+        /// The point, from 0 within the handle.
+        row: usize,
     },
     /// Its goal is not a similarity: a number is not finite, the scale is not positive, or the rotation is not a unit
     /// quaternion.

@@ -44,13 +44,29 @@ impl Frame {
     /// A handle vertex's goal in the frame, if it can be computed with.
     pub(crate) fn enter_goal(&self, goal: DVec3, handle: u32, vertex: u32) -> Result<DVec3, DeformError> {
         let inner = self.enter(goal);
-        // Written so that NaN and infinity are too far.
-        if inner.abs().max_element() <= FARTHEST && goal.is_finite() {
+        if is_near(inner) {
             Ok(inner)
         } else {
             Err(DeformError::handle(handle as usize, HandleFault::TooFar { vertex }))
         }
     }
+
+    /// The sum in the frame that has the given sum in the world, of points with weights that sum to `weight`; if it can be
+    /// computed with.
+    pub(crate) fn enter_sum(&self, world: DVec3, weight: f64) -> Option<DVec3> {
+        let inner = (world - weight * self.centre) * self.scale;
+        is_near(inner).then_some(inner)
+    }
+
+    /// World units of a length, per unit in the frame.
+    pub(crate) fn length_unit(&self) -> f64 {
+        self.inverse
+    }
+}
+
+/// Written so that NaN and infinity are too far.
+fn is_near(inner: DVec3) -> bool {
+    inner.abs().max_element() <= FARTHEST
 }
 
 /// Whether there are as many as there should be.

@@ -2,18 +2,23 @@ use glam::{DQuat, DVec3};
 use pliant_mesh::Similarity;
 
 use crate::error::HandleFault;
+use crate::points;
 use crate::{DeformError, Region};
 
 /// Where the handles are to go: one similarity per handle, in the order of the region's handles.
 ///
 /// Each is applied to the **rest** positions of its handle's vertices, so goals are absolute: the identity brings a
-/// handle back to rest from wherever it was dragged.
+/// handle back to rest from wherever it was dragged. Its points ([`Handle::rows`](crate::Handle::rows)) go where they are told to one by
+/// one, or where the similarity takes their rest positions.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Goals {
     /// One per handle.
     pub transforms: Vec<Similarity>,
     /// Rotation vectors, one per handle or none at all.
     turns: Vec<DVec3>,
+    /// Where the sums `sum_j c_j v_j` of the handles' rows are to be, in world units: handle by handle, in the order of their rows; or none
+    /// at all, and each goes where the transform of its handle takes it from rest.
+    pub points: Vec<DVec3>,
 }
 
 /// How far the rotation of a turn may be from that of its transform, as `1 - |p . q|` of the quaternions: some 0.003 degrees.
@@ -22,7 +27,7 @@ const SAME_ROTATION: f64 = 1e-9;
 impl Goals {
     /// The goals with these transforms.
     pub fn new(transforms: Vec<Similarity>) -> Self {
-        Self { transforms, turns: Vec::new() }
+        Self { transforms, ..Self::default() }
     }
 
     /// The goals with these transforms, reached by these turns.
@@ -32,7 +37,15 @@ impl Goals {
     /// turns), whose rotation is that of the transform. Methods that carry rotations over the region follow it, and the others
     /// do not look at it. [`Self::new`] takes the shortest turns.
     pub fn with_turns(transforms: Vec<Similarity>, turns: Vec<DVec3>) -> Self {
-        Self { transforms, turns }
+        Self { transforms, turns, ..Self::default() }
+    }
+
+    /// The goals with these transforms for vertices and these targets for rows, see [`Self::points`].
+    ///
+    /// Where a shape follows its control mesh by positions and frames, `x' = sum_j c_j (y'_j + M_j (x - y_j))`, its point `x` reaches `goal` with
+    /// the target `goal - sum_j c_j M_j (x - y_j)`.
+    pub fn with_points(transforms: Vec<Similarity>, points: Vec<DVec3>) -> Self {
+        Self { transforms, points, ..Self::default() }
     }
 
     /// Goals that leave `handles` handles at rest.
@@ -40,10 +53,10 @@ impl Goals {
         Self::new(vec![Similarity::IDENTITY; handles])
     }
 
-    /// Whether there is one usable transform for each handle of `region`.
+    /// Whether there is one usable transform for each handle of `region`, and as many targets as rows or none.
     ///
     /// # Errors
-    /// [`DeformError::WrongCount`], or [`DeformError::Handle`] with [`HandleFault::Goal`] for the first handle whose
+    /// [`DeformError::WrongCount`], [`DeformError::Handle`] with [`HandleFault::Target`] for the first target that is not finite, or [`DeformError::Handle`] with [`HandleFault::Goal`] for the first handle whose
     /// goal is not finite, has a scale that is not positive, a rotation that is not a unit quaternion or a turn with another rotation.
     pub fn check(&self, region: &Region) -> Result<(), DeformError> {
         let (expected, found) = (region.handles().len(), self.transforms.len());
@@ -52,6 +65,16 @@ impl Goals {
         }
         if !self.turns.is_empty() && self.turns.len() != expected {
             return Err(DeformError::WrongCount { what: "turns", expected, found: self.turns.len() });
+        }
+        if !self.points.is_empty() && self.points.len() != region.row_count() {
+            return Err(DeformError::WrongCount {
+                what: "points",
+                expected: region.row_count(),
+                found: self.points.len(),
+            });
+        }
+        if let Some(((handle, _, row, _), _)) = region.rows().zip(&self.points).find(|(_, point)| !point.is_finite()) {
+            return Err(DeformError::handle(handle as usize, HandleFault::Target { row }));
         }
         for (handle, transform) in self.transforms.iter().enumerate() {
             let turn = self.turns.get(handle);
@@ -73,6 +96,14 @@ impl Goals {
     /// Where a vertex of a handle goes from its rest position.
     pub(crate) fn apply(&self, handle: u32, rest: DVec3) -> DVec3 {
         self.transforms[handle as usize].apply(rest)
+    }
+
+    /// Where a point goes: number `number` of all, with this row in `handle`.
+    pub(crate) fn target(&self, number: usize, handle: u32, row: &[(u32, f64)], rest: &[DVec3]) -> DVec3 {
+        match self.points.get(number) {
+            Some(&point) => point,
+            None => points::combine(row, |vertex| self.apply(handle, rest[vertex as usize])),
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 //! # Words
 //! - **region of interest (ROI)**: the vertices an edit may move. All others are fixed.
 //! - **handle**: vertices of the region that are led together to a goal, hard (exactly) or soft (by least squares).
+//! - **row**: a point between vertices, as weights that sum to 1, held as a handle's vertices are ([`PointRows`]). Vertices stay free.
 //! - **free**: vertices of the region in no handle; they are solved for.
 //! - **fixed**: vertices outside the region; they stay where the pose has them, bit for bit.
 //! - **anchor**: a handle whose goal is the identity.
@@ -47,6 +48,7 @@ pub mod laplacian;
 mod method;
 mod operators;
 mod patch;
+mod points;
 mod region;
 pub mod rotation_invariant;
 mod text;
@@ -58,5 +60,6 @@ pub use goals::Goals;
 pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitReport, ImplicitStage};
 pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
+pub use points::PointRows;
 pub use region::{Constraint, Handle, Region, Role};
 pub use rotation_invariant::RotationInvariantOptions;

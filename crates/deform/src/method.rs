@@ -42,7 +42,8 @@ impl Method {
     /// # Errors
     /// [`DeformError::BadOption`], [`DeformError::WrongCount`] if the region was made for another mesh,
     /// [`DeformError::Mesh`] for a rest shape that is not finite, [`DeformError::Unconstrained`], [`DeformError::Singular`],
-    /// [`DeformError::TooLarge`].
+    /// [`DeformError::TooLarge`], and [`DeformError::PointsNotTaken`] for handles with rows by another method than
+    /// [`Self::Arap`].
     pub fn prepare(&self, rest: &TriMesh, region: &Region) -> Result<Box<dyn Deformer>, DeformError> {
         match self {
             Self::Arap(options) => Ok(Box::new(Arap::prepare(options, rest, region)?)),
@@ -225,4 +226,11 @@ pub struct SolveReport {
     pub energy_after: Option<f64>,
     /// Iterations of the linear solver, of all solves together; only where that iterates.
     pub solver_iterations: Option<u32>,
+    /// Largest distance from a hard handle's point to its target, in world units; only where there are such points.
+    ///
+    /// Rounding where all can be met. Where not, what the least-squares solution leaves, with each row counted by the inverse of
+    /// `sum_j c_j^2 / d_j`, `d` being the diagonal of the method's matrix. Rows that differ from a mean of others by less than about a
+    /// thousandth of their weights count as that mean: their difference is not forced.
+    #[serde(default)]
+    pub unmet: Option<f64>,
 }

@@ -7,7 +7,7 @@ use crate::frame::{Frame, check_count, check_pose};
 use crate::{Constraint, DeformError, Goals, Region, Role};
 
 /// Soft weights beyond these act as these: rounding leaves no difference.
-const SOFT_RANGE: [f64; 2] = [1e-10, 1e12];
+pub(crate) const SOFT_RANGE: [f64; 2] = [1e-10, 1e12];
 
 /// A soft handle's weight within the range that makes a difference.
 pub(crate) fn soft_weight(weight: f64) -> f64 {
@@ -72,10 +72,13 @@ impl Patch {
     ///
     /// # Errors
     /// [`DeformError::WrongCount`] for a region of another mesh, [`DeformError::Mesh`] for a rest shape that is not finite,
-    /// [`DeformError::Unconstrained`].
+    /// [`DeformError::Unconstrained`], [`DeformError::PointsNotTaken`].
     pub(crate) fn new(rest: &TriMesh, region: &Region, rings: usize) -> Result<Self, DeformError> {
         check_count("vertices of the region", rest.vertex_count(), region.vertex_count())?;
         check_pose(rest.vertex_count(), &rest.positions)?;
+        if let Some((handle, ..)) = region.rows().next() {
+            return Err(DeformError::PointsNotTaken { handle: handle as usize });
+        }
         region.require_constrained(rest.topology())?;
         let frame = Frame::of(rest);
         let vertices = within_rings(rest, region, rings);

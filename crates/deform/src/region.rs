@@ -2,29 +2,36 @@ use pliant_mesh::{Topology, VertexSet};
 use serde::{Deserialize, Serialize};
 
 use crate::error::HandleFault;
+use crate::points::{PointRows, RowFault};
 use crate::{DeformError, Goals};
 
 /// How a handle's vertices are held to their goals.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Constraint {
-    /// Exactly: the vertices are taken out of the equations.
+    /// Exactly: vertices are taken out of the equations, points are conditions on them.
+    ///
+    /// Where points cannot all be where they should (more of them than their vertices can follow, or the same point twice), they are met
+    /// in the least-squares sense, see [`SolveReport::unmet`](crate::SolveReport::unmet).
     #[default]
     Hard,
     /// In the least-squares sense, with a weight in (0, inf) relative to the mean diagonal entry of the method's
     /// matrix, which makes it independent of the mesh's scale and of the kind of edge weights.
     ///
-    /// Weights beyond `1e-10..1e12` act as those bounds: rounding leaves no difference.
+    /// Weights beyond `1e-10..1e12`, for points `1e-10..1e6`, act as those bounds: rounding leaves no difference.
     Soft(f64),
 }
 
-/// Vertices that are moved together by one goal.
+/// Vertices, points between them or both, that are moved together by one goal.
 ///
 /// A handle that stays where it is has the identity as its goal; that is an anchor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Handle {
-    /// Its vertices, at least one, all within the region of interest.
+    /// Its vertices, all within the region of interest.
     pub vertices: VertexSet,
+    /// Its points that are no vertices, each with a vertex in the region of interest. They may have vertices in common with each other
+    /// and with other handles, and the vertices stay what they are without them.
+    pub rows: PointRows,
     /// How they are held.
     pub constraint: Constraint,
 }
@@ -32,12 +39,17 @@ pub struct Handle {
 impl Handle {
     /// A handle whose vertices land exactly on their goals.
     pub fn hard(vertices: VertexSet) -> Self {
-        Self { vertices, constraint: Constraint::Hard }
+        Self { vertices, rows: PointRows::new(), constraint: Constraint::Hard }
     }
 
     /// A handle whose vertices are drawn to their goals with a weight (see [`Constraint::Soft`]).
     pub fn soft(vertices: VertexSet, weight: f64) -> Self {
-        Self { vertices, constraint: Constraint::Soft(weight) }
+        Self { vertices, rows: PointRows::new(), constraint: Constraint::Soft(weight) }
+    }
+
+    /// A handle of points alone.
+    pub fn of_points(rows: PointRows, constraint: Constraint) -> Self {
+        Self { vertices: VertexSet::from_iter([]), rows, constraint }
     }
 }
 
@@ -63,9 +75,10 @@ impl Region {
     /// The region in which the vertices of `roi` take part, those in a handle are led by it, and all others are fixed.
     ///
     /// # Errors
-    /// [`DeformError::Handle`] for a handle that is empty, leaves the region or the mesh, shares a vertex with another
-    /// or has a weight that is not a positive number; [`DeformError::EmptyRegion`], [`DeformError::VertexOutOfRange`];
-    /// [`DeformError::NoConstraint`] if every vertex of the mesh would be free.
+    /// [`DeformError::Handle`] for a handle that is empty, leaves the region or the mesh, shares a vertex with another,
+    /// has a weight that is not a positive number or a point that is no mean of vertices or has fixed ones only;
+    /// [`DeformError::EmptyRegion`], [`DeformError::VertexOutOfRange`];
+    /// [`DeformError::NoConstraint`] if every vertex of the mesh would be free and no point held.
     pub fn new(vertex_count: usize, roi: &VertexSet, handles: &[Handle]) -> Result<Self, DeformError> {
         if roi.is_empty() {
             return Err(DeformError::EmptyRegion);
@@ -79,7 +92,10 @@ impl Region {
         for (number, handle) in handles.iter().enumerate() {
             claim(&mut roles, number, handle).map_err(|fault| DeformError::handle(number, fault))?;
         }
-        if roles.iter().all(|role| *role == Role::Free) {
+        for (number, handle) in handles.iter().enumerate() {
+            check_rows(&roles, &handle.rows).map_err(|fault| DeformError::handle(number, fault))?;
+        }
+        if roles.iter().all(|role| *role == Role::Free) && handles.iter().all(|handle| handle.rows.is_empty()) {
             return Err(DeformError::NoConstraint);
         }
         Ok(Self { roles, handles: handles.to_vec() })
@@ -98,6 +114,26 @@ impl Region {
     /// Number of vertices of the mesh.
     pub fn vertex_count(&self) -> usize {
         self.roles.len()
+    }
+
+    /// The points of all handles, handle by handle: handle, constraint, and number and entries of the row within it.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = (u32, Constraint, usize, &[(u32, f64)])> + Clone + '_ {
+        (0..).zip(&self.handles).flat_map(|(number, handle)| {
+            handle.rows.iter().enumerate().map(move |(row, entries)| (number, handle.constraint, row, entries))
+        })
+    }
+
+    /// Number of points of all handles.
+    pub fn row_count(&self) -> usize {
+        self.handles.iter().map(|handle| handle.rows.len()).sum()
+    }
+
+    /// Whether a vertex is solved for: free or in a soft handle.
+    pub(crate) fn is_unknown(&self, vertex: usize) -> bool {
+        match self.constraint(vertex) {
+            Some(constraint) => constraint != Constraint::Hard,
+            None => self.roles[vertex] == Role::Free,
+        }
     }
 
     /// How a vertex's handle holds it, if it has one.
@@ -144,27 +180,57 @@ impl Region {
     /// Free vertices that no path along edges within the region joins to anything held, increasing.
     ///
     /// Weights of edges are positive, so a vertex is held if and only if edges between unknowns lead from it to a soft
-    /// handle or to a neighbour that is not solved for.
+    /// handle, to a vertex of a point or to a neighbour that is not solved for.
     fn unconstrained(&self, topology: &Topology) -> Vec<u32> {
-        let is_soft = |v: usize| matches!(self.constraint(v), Some(Constraint::Soft(_)));
-        let is_unknown = |v: usize| self.roles[v] == Role::Free || is_soft(v);
-        let mut reached: Vec<bool> = (0..self.vertex_count())
-            .map(|v| !is_unknown(v) || is_soft(v) || topology.neighbours(v).iter().any(|&w| !is_unknown(w as usize)))
-            .collect();
-        let mut stack: Vec<u32> = (0..).zip(&reached).filter(|(_, reached)| **reached).map(|(v, _)| v).collect();
-        while let Some(v) = stack.pop() {
-            for &w in topology.neighbours(v as usize) {
-                if !std::mem::replace(&mut reached[w as usize], true) {
-                    stack.push(w);
-                }
-            }
+        let mut reached = self.anchored(topology);
+        for &(vertex, _) in self.rows().flat_map(|(.., row)| row) {
+            reached[vertex as usize] = true;
         }
+        reach(topology, &mut reached);
         (0..).zip(&reached).filter(|(_, reached)| !**reached).map(|(v, _)| v).collect()
+    }
+
+    /// Vertices that are not solved for, next to such a one, or in a soft handle.
+    pub(crate) fn anchored(&self, topology: &Topology) -> Vec<bool> {
+        let is_soft = |v: usize| matches!(self.constraint(v), Some(Constraint::Soft(_)));
+        let is_held = |v: usize| !self.is_unknown(v) || is_soft(v);
+        let near = |v: usize| topology.neighbours(v).iter().any(|&w| !self.is_unknown(w as usize));
+        (0..self.vertex_count()).map(|v| is_held(v) || near(v)).collect()
     }
 
     /// Goals that leave every handle where it is.
     pub fn identity_goals(&self) -> Goals {
         Goals::identity(self.handles.len())
+    }
+}
+
+/// Adds to the vertices that are reached all that edges lead to from them.
+pub(crate) fn reach(topology: &Topology, reached: &mut [bool]) {
+    let mut stack: Vec<u32> = (0..).zip(&*reached).filter(|(_, reached)| **reached).map(|(v, _)| v).collect();
+    while let Some(v) = stack.pop() {
+        for &w in topology.neighbours(v as usize) {
+            if !std::mem::replace(&mut reached[w as usize], true) {
+                stack.push(w);
+            }
+        }
+    }
+}
+
+/// Refuses rows that are no means of vertices, or of fixed ones only.
+fn check_rows(roles: &[Role], rows: &PointRows) -> Result<(), HandleFault> {
+    let vertices = roles.len();
+    match rows.fault(vertices) {
+        Some((row, RowFault::VertexOutOfRange(vertex))) => {
+            return Err(HandleFault::RowVertexOutOfRange { row, vertex, vertices });
+        }
+        Some((row, RowFault::NotFinite)) => return Err(HandleFault::RowNotFinite { row }),
+        Some((row, RowFault::Sum(sum))) => return Err(HandleFault::RowSum { row, sum }),
+        None => {}
+    }
+    let is_fixed = |row: &[(u32, f64)]| row.iter().all(|&(vertex, _)| roles[vertex as usize] == Role::Fixed);
+    match rows.iter().position(is_fixed) {
+        Some(row) => Err(HandleFault::RowOutsideRegion { row }),
+        None => Ok(()),
     }
 }
 
@@ -175,7 +241,7 @@ fn claim(roles: &mut [Role], number: usize, handle: &Handle) -> Result<(), Handl
     {
         return Err(HandleFault::Weight { weight });
     }
-    if handle.vertices.is_empty() {
+    if handle.vertices.is_empty() && handle.rows.is_empty() {
         return Err(HandleFault::Empty);
     }
     let vertices = roles.len();

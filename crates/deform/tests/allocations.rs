@@ -9,7 +9,10 @@ use pliant_deform::arap::{Acceleration, Arap, ArapEnergy, ArapOptions, Start};
 use pliant_deform::dual::DualLaplacian;
 use pliant_deform::laplacian::{Details, Laplacian, LaplacianOptions};
 use pliant_deform::rotation_invariant::RotationInvariant;
-use pliant_deform::{Deformer, DualLaplacianOptions, Goals, Handle, LinearSolver, Region, RotationInvariantOptions};
+use pliant_deform::{
+    Constraint, Deformer, DualLaplacianOptions, Goals, Handle, LinearSolver, PointRows, Region,
+    RotationInvariantOptions,
+};
 use pliant_mesh::{FrameFit, Frames, Similarity, TriMesh, VertexSet};
 
 fn region(mesh: &TriMesh, soft: bool) -> Region {
@@ -101,6 +104,40 @@ fn laplacian_solves_allocate_nothing_from_the_second_time_on() {
             });
             assert_eq!(info.count_total, 0, "{options}, soft {soft}");
         }
+    }
+}
+
+/// Points hard and soft, whose targets the caller writes into the same goals.
+#[test]
+fn points_allocate_nothing_from_the_second_time_on() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
+    let mesh = torus(60, 24);
+    let rows: PointRows = mesh.triangles().iter().step_by(9).map(|t| t.map(|v| (v, 1.0 / 3.0))).collect();
+    for (constraint, start) in
+        [(Constraint::Hard, Start::Pose), (Constraint::Soft(2.0), Start::Pose), (Constraint::Hard, Start::Propagated)]
+    {
+        let options = ArapOptions {
+            iterations: 4,
+            start,
+            acceleration: Acceleration::Anderson { window: 3 },
+            ..ArapOptions::default()
+        };
+        let handle = Handle::of_points(rows.clone(), constraint);
+        let region = Region::new(mesh.vertex_count(), &VertexSet::all(mesh.vertex_count()), &[handle]).expect("valid");
+        let centroids = rows.iter().map(|row| row.iter().map(|&(v, c)| c * mesh.positions[v as usize]).sum());
+        let mut goals = Goals::with_points(vec![Similarity::IDENTITY], centroids.collect());
+        let mut arap = Arap::prepare(&options, &mesh, &region).expect("valid");
+        let mut pose = mesh.positions.clone();
+        arap.solve(&goals, &mut pose).expect("solvable");
+        let drag = || {
+            measure(|| {
+                for step in 0..4 {
+                    goals.points.iter_mut().for_each(|p| p.z += 0.01 * p.x * f64::from(step));
+                    arap.solve(&goals, &mut pose).expect("solvable");
+                }
+            })
+        };
+        assert_eq!(pool.install(drag).count_total, 0, "{constraint:?}");
     }
 }
 

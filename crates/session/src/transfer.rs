@@ -16,7 +16,7 @@ pub struct Carried {
 /// Why a region cannot be carried over.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NoRoom {
-    /// The coarser mesh has no free vertex left for this handle.
+    /// The coarser mesh has no free vertex left for this handle, or the handle has points that are no vertices, which are not carried over.
     Handle(usize),
     /// What the coarser mesh has of the region is none.
     Region(DeformError),
@@ -29,6 +29,9 @@ pub enum NoRoom {
 /// # Errors
 /// [`NoRoom`]. Linear in the vertices, and in those of the coarser mesh for each stand-in.
 pub fn carry_region(region: &Region, origin: &[u32], fine: &[DVec3], coarse: &[DVec3]) -> Result<Carried, NoRoom> {
+    if let Some(number) = region.handles().iter().position(|handle| !handle.rows.is_empty()) {
+        return Err(NoRoom::Handle(number));
+    }
     let mut roles: Vec<Role> = origin.iter().map(|&v| region.roles()[v as usize]).collect();
     let mut stand_ins = Vec::new();
     let mut held = vec![false; region.handles().len()];
@@ -52,7 +55,7 @@ pub fn carry_region(region: &Region, origin: &[u32], fine: &[DVec3], coarse: &[D
     let with = |wanted: Role| VertexSet::where_true(roles.len(), |j| roles[j as usize] == wanted);
     let handles: Vec<Handle> = (0..)
         .zip(region.handles())
-        .map(|(number, handle)| Handle { vertices: with(Role::Handle(number)), constraint: handle.constraint })
+        .map(|(number, handle)| Handle { vertices: with(Role::Handle(number)), ..handle.clone() })
         .collect();
     let roi = VertexSet::where_true(roles.len(), |j| roles[j as usize] != Role::Fixed);
     let region = Region::new(roles.len(), &roi, &handles).map_err(NoRoom::Region)?;

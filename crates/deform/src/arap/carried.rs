@@ -5,6 +5,7 @@ use pliant_linalg::{Cholesky, LinalgError};
 
 use super::cells::{Cells, NONE};
 use super::roles::Roles;
+use super::rows::Draws;
 use super::steps::{Columns, Row, move_unknowns, point, row};
 use crate::Goals;
 use crate::fit::Fit;
@@ -13,12 +14,12 @@ use crate::goals::shortest_turn;
 /// Interpolates the rotation vectors of the handles by harmonic functions (Zayer et al. 2005, section 3.1).
 ///
 /// The equations are those of the global step without rest edges, so its factor is used; a soft handle draws the rotation
-/// vectors of its vertices as it draws their positions. What is fixed counts as one more handle.
+/// vectors of its vertices as it draws their positions, and rows hold those of their points as they hold their positions. What is fixed counts as one more handle.
 pub(super) struct Carried {
     /// Rotation vector of each slot that is fitted.
     turns: Vec<Row>,
-    /// Rotation vectors that springs draw to.
-    draws: Vec<Row>,
+    /// Rotation vectors that springs and rows draw to.
+    draws: Draws,
     /// Handle of each held slot that has a rotation, [`NONE`] for one that is fixed.
     handles: Vec<u32>,
 }
@@ -32,7 +33,7 @@ impl Carried {
             }
         }
         let turns = vec![Row::default(); cells.vertices.len()];
-        Self { turns, draws: vec![Row::default(); roles.springs.len()], handles }
+        Self { turns, draws: Draws::new(cells, roles), handles }
     }
 
     /// Notes the turns of what is held: the handles' own, and for what is fixed the shortest that takes it from rest to `pose`.
@@ -47,9 +48,10 @@ impl Carried {
         for (slot, &handle) in rim() {
             self.turns[slot] = row(if handle == NONE { fixed } else { goals.turn(handle as usize) });
         }
-        for (draw, spring) in self.draws.iter_mut().zip(&roles.springs) {
+        for (draw, spring) in self.draws.springs.iter_mut().zip(&roles.springs) {
             *draw = row(goals.turn(spring.handle as usize));
         }
+        self.draws.read_turns(&roles.rows, |handle| goals.turn(handle as usize));
     }
 
     /// Writes the interpolated rotation of each fitted cell; `rhs` is scratch, one per slot of the region.
@@ -62,7 +64,7 @@ impl Carried {
         rhs: &mut [[f64; 3]],
     ) -> Result<(), LinalgError> {
         rotations.fill(Columns::default());
-        move_unknowns(cells, roles, factor, rotations, &self.draws, &mut self.turns, rhs)?;
+        move_unknowns(cells, roles, factor, rotations, &mut self.draws, &mut self.turns, rhs)?;
         for &slot in roles.fitted.as_slice() {
             let turn = DMat3::from_quat(DQuat::from_scaled_axis(point(self.turns[slot as usize])));
             rotations[slot as usize] = [turn.x_axis, turn.y_axis, turn.z_axis].map(row);

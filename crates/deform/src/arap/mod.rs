@@ -10,6 +10,9 @@
 //! - Levi, Gotsman. *Smooth Rotation Enhanced As-Rigid-As-Possible Mesh Animation.* IEEE TVCG 21(2), 2015: cells that also want
 //!   the rotations of their neighbours.
 //!
+//! Points between vertices are held by conditions on the global step, hard ones by the method of multipliers: one or two more solves with
+//! the same factor each, in which the vertices of a point are coupled.
+//!
 //! An iteration is a *local* step (the best rotation of each cell, positions held) and a *global* step (positions,
 //! rotations held: a linear system whose matrix never changes). Both minimise the same energy, so it never rises.
 
@@ -17,7 +20,10 @@ mod anderson;
 mod carried;
 mod cells;
 mod deformer;
+mod edit;
+mod moves;
 mod roles;
+mod rows;
 mod shape;
 mod smooth;
 mod steps;

@@ -4,6 +4,7 @@ use glam::DVec3;
 use pliant_mesh::threads::CHUNK;
 
 use super::cells::{Cells, NONE};
+use super::rows::Rows;
 use super::shape::Shape;
 use crate::patch::soft_weight;
 use crate::{Constraint, Region, Role};
@@ -19,9 +20,11 @@ pub(super) struct Roles {
     pub(super) rim: usize,
     /// Unknowns in soft handles.
     pub(super) springs: Vec<Spring>,
+    /// Points that are no vertices.
+    pub(super) rows: Rows,
     /// Vertices in hard handles.
     pub(super) led: Vec<Led>,
-    /// Of the matrix, by slot of the region.
+    /// Of the matrix without rows, by slot of the region.
     pub(super) diagonal: Vec<f64>,
 }
 
@@ -87,11 +90,7 @@ impl Roles {
     /// `region` has the region of interest that `cells` was made for.
     pub(super) fn new(shape: &Shape, cells: &Cells, region: &Region) -> Self {
         let roi = &cells.vertices[..cells.roi];
-        let is_unknown = |v: u32| match region.constraint(v as usize) {
-            Some(constraint) => constraint != Constraint::Hard,
-            None => region.roles()[v as usize] == Role::Free,
-        };
-        let unknown: Vec<bool> = roi.iter().map(|&v| is_unknown(v)).collect();
+        let unknown: Vec<bool> = roi.iter().map(|&v| region.is_unknown(v as usize)).collect();
         let mut fitted = vec![false; cells.cells];
         let mut looked_at = vec![false; cells.vertices.len()];
         for slot in (0..cells.roi).filter(|&slot| unknown[slot]) {
@@ -122,6 +121,8 @@ impl Roles {
         let sum: f64 = diagonal.iter().zip(&unknown).filter(|(_, unknown)| **unknown).map(|(d, _)| d).sum();
         // A matrix of lone vertices is zero; any scale will do.
         let mean = if sum > 0.0 { sum / count as f64 } else { 1.0 };
+        let rows = Rows::new(cells, region, &diagonal, mean);
+        rows.steady(shape, cells, region, mean, &mut diagonal);
         let (mut springs, mut led) = (Vec::new(), Vec::new());
         for (slot, &vertex) in roi.iter().enumerate() {
             let Role::Handle(handle) = region.roles()[vertex as usize] else { continue };
@@ -141,6 +142,6 @@ impl Roles {
         // So that of several bad goals the first is named.
         led.sort_by_key(|led| led.handle);
         let (unknowns, fitted) = (Slots::new(unknown), Slots::new(fitted));
-        Self { unknowns, fitted, held, rim, springs, led, diagonal }
+        Self { unknowns, fitted, held, rim, springs, rows, led, diagonal }
     }
 }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::cells::{Cells, NONE, Term};
 use super::roles::{Roles, Spring};
+use super::rows::Draws;
 
 /// Terms whose energy is summed in one go; fixed, so that the sum does not depend on the number of threads.
 pub(super) const ENERGY_CHUNK: usize = 2048;
@@ -83,7 +84,7 @@ pub(super) fn padded(columns: [[f64; 3]; 3]) -> Columns {
 }
 
 #[inline(always)]
-fn subtract(a: Row, b: Row) -> Row {
+pub(super) fn subtract(a: Row, b: Row) -> Row {
     std::array::from_fn(|l| a[l] - b[l])
 }
 
@@ -99,13 +100,13 @@ pub(super) fn add(sum: &mut Row, x: Row, factor: f64) {
 ///
 /// Solves for the change, `A dx = b - A x`: the residual is formed edge by edge from differences of positions, so a
 /// pose that already is the solution stays, to rounding, wherever it lies and however ill-conditioned `A` is.
-/// `draws` has the goals of the springs, `rhs` a place for each slot of the region.
+/// `rhs` has a place for each slot of the region; it is left with how far each unknown was moved.
 pub(super) fn move_unknowns(
     cells: &Cells,
     roles: &Roles,
     factor: &mut Cholesky,
     rotations: &[Columns],
-    draws: &[Row],
+    draws: &mut Draws,
     pose: &mut [Row],
     rhs: &mut [[f64; 3]],
 ) -> Result<(), LinalgError> {
@@ -114,18 +115,20 @@ pub(super) fn move_unknowns(
         let slots = roles.unknowns.in_chunk(chunk);
         Arch::new().dispatch(Residuals { cells, slots, first: chunk * CHUNK, rotations, pose: at, rhs });
     });
-    for (spring, goal) in roles.springs.iter().zip(draws) {
+    for (spring, goal) in roles.springs.iter().zip(&draws.springs) {
         let slot = spring.slot as usize;
         for ((rhs, goal), at) in rhs[slot].iter_mut().zip(goal).zip(at[slot]) {
             *rhs += spring.stiffness * (goal - at);
         }
     }
+    let unknowns = roles.unknowns.as_slice();
+    roles.rows.pull(draws, at, unknowns, rhs);
     factor.solve_in_place(rhs)?;
-    for &slot in roles.unknowns.as_slice() {
+    for &slot in unknowns {
         let [x, y, z] = rhs[slot as usize];
         add(&mut pose[slot as usize], [x, y, z, 0.0], 1.0);
     }
-    Ok(())
+    roles.rows.meet(draws, factor, unknowns, pose, rhs)
 }
 
 /// Right-hand sides of the unknowns `slots` without springs; `rhs` begins with that of slot `first`.

@@ -2,6 +2,8 @@
 
 #![allow(dead_code)]
 
+pub(crate) mod dense;
+
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
@@ -74,6 +76,31 @@ pub(crate) fn bar(n: usize) -> TriMesh {
 pub(crate) fn pyramid() -> TriMesh {
     let positions = vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.2, 0.0), DVec3::Y, DVec3::new(0.4, 0.5, 0.8)];
     let triangles = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]];
+    TriMesh::new(positions, triangles).expect("valid")
+}
+
+/// A sphere of octahedral symmetry drawn out and dented, without obtuse cotangent sums: nothing is clamped.
+pub(crate) fn acute_ball() -> TriMesh {
+    let (rings, around) = (6, 8);
+    let mut positions = vec![DVec3::Z * 1.1];
+    for j in 1..rings {
+        for i in 0..around {
+            let theta = PI * j as f64 / rings as f64;
+            let phi = TAU * (i as f64 + 0.5 * j as f64) / around as f64;
+            let r = 1.0 + 0.05 * (3.0 * phi + theta).sin();
+            positions.push(r * DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()));
+        }
+    }
+    positions.push(DVec3::Z * -1.1);
+    let at = |j: usize, i: usize| (1 + (j - 1) * around + i % around) as u32;
+    let last = positions.len() as u32 - 1;
+    let mut triangles = Vec::new();
+    for i in 0..around {
+        triangles.extend([[0, at(1, i), at(1, i + 1)], [last, at(rings - 1, i + 1), at(rings - 1, i)]]);
+        for j in 1..rings - 1 {
+            triangles.extend([[at(j, i), at(j + 1, i), at(j, i + 1)], [at(j, i + 1), at(j + 1, i), at(j + 1, i + 1)]]);
+        }
+    }
     TriMesh::new(positions, triangles).expect("valid")
 }
 

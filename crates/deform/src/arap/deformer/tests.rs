@@ -3,7 +3,8 @@
 use pliant_mesh::{Similarity, VertexSet, shapes};
 
 use super::*;
-use crate::{ArapEnergy, Handle};
+use crate::Handle;
+use crate::arap::{Acceleration, ArapEnergy};
 
 /// Every pose that is stepped from has no more energy than the one before.
 #[test]
@@ -24,7 +25,7 @@ fn no_accelerated_step_raises_the_energy() {
             let goals = Goals::new(vec![Similarity::IDENTITY, turn]);
             let mut arap = Arap::prepare(&options, &mesh, &region).expect("valid");
             let (edit, m) = (&mut arap.edit, arap.shape.multiplicity());
-            edit.read(&arap.shape.frame, &goals, &mesh.positions).expect("valid");
+            edit.read(&arap.shape, &goals, &mesh.positions).expect("valid");
             edit.guess().expect("solvable");
             let mut last = f64::INFINITY;
             for _ in 0..150 {
@@ -68,7 +69,7 @@ fn no_step_with_smooth_rotations_raises_the_energy() {
                 let mut arap = Arap::prepare(&options, &mesh, &region).expect("valid");
                 let (edit, m) = (&mut arap.edit, arap.shape.multiplicity());
                 edit.prepare_energy(&arap.shape);
-                edit.read(&arap.shape.frame, &goals, &mesh.positions).expect("valid");
+                edit.read(&arap.shape, &goals, &mesh.positions).expect("valid");
                 edit.guess().expect("solvable");
                 let (mut last, mut first) = (f64::INFINITY, None);
                 for _ in 0..60 {
