@@ -48,6 +48,7 @@ mod method;
 mod operators;
 mod patch;
 mod region;
+pub mod refine;
 pub mod rotation_invariant;
 mod text;
 
@@ -58,5 +59,6 @@ pub use goals::Goals;
 pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitStage};
 pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
+pub use refine::{GlobalSolver, RefineOptions, RefineStep, Refiner};
 pub use region::{Constraint, Handle, Region, Role};
 pub use rotation_invariant::RotationInvariantOptions;

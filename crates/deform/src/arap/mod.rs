@@ -15,12 +15,12 @@
 
 mod anderson;
 mod carried;
-mod cells;
+pub(crate) mod cells;
 mod deformer;
-mod roles;
-mod shape;
+pub(crate) mod roles;
+pub(crate) mod shape;
 mod smooth;
-mod steps;
+pub(crate) mod steps;
 
 use std::fmt;
 use std::str::FromStr;

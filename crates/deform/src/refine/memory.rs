@@ -1,0 +1,182 @@
+//! What the last steps taught about the curvature of the energy.
+//!
+//! - Nocedal, Wright. *Numerical Optimization*, 2nd ed. 2006, Alg. 7.4: the two loops of L-BFGS, here by inner products, so that each
+//!   of the stored differences is read twice a direction.
+//! - Liu, Bouaziz, Kavan. *Quasi-Newton Methods for Real-Time Simulation of Hyperelastic Materials.* ACM TOG 36(3), 2017: the inverse
+//!   of the Laplacian as what L-BFGS starts from.
+
+use rayon::prelude::*;
+
+use crate::arap::steps::Row;
+
+/// Steps that are remembered.
+const WINDOW: usize = 8;
+
+/// Rows that one task sums; fixed, so that sums do not depend on the number of threads.
+const GRAIN: usize = 2048;
+
+/// Differences in single precision: they only shape directions.
+type Short = [f32; 4];
+
+type Sums = [f64; WINDOW];
+
+/// Differences of positions `s` and of gradients `y` of the last steps.
+pub(super) struct Memory {
+    /// By place in the window, then by unknown.
+    s: Vec<Vec<Short>>,
+    y: Vec<Vec<Short>>,
+    /// `s_i . y_j` by place, where `i` is not newer than `j`.
+    gram: [Sums; WINDOW],
+    /// Places, oldest first.
+    order: [usize; WINDOW],
+    known: usize,
+    /// Scratch: partial sums.
+    partial: Vec<Sums>,
+}
+
+impl Memory {
+    pub(super) fn new(unknowns: usize) -> Self {
+        let columns = || vec![vec![Short::default(); unknowns]; WINDOW];
+        Self {
+            s: columns(),
+            y: columns(),
+            gram: [Sums::default(); WINDOW],
+            order: std::array::from_fn(|k| k),
+            known: 0,
+            partial: vec![Sums::default(); unknowns.div_ceil(GRAIN)],
+        }
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.known = 0;
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.known == 0
+    }
+
+    /// Notes a step from `before` to `after` that took the negative gradient from `from` to `to`.
+    ///
+    /// One along which the gradient does not grow, or is too large or small for single precision, is left out.
+    pub(super) fn note(&mut self, before: &[Row], after: impl Fn(usize) -> Row + Sync, from: &[Row], to: &[Row]) {
+        if self.known == WINDOW {
+            self.order.rotate_left(1);
+            self.known -= 1;
+        }
+        let at = self.order[self.known];
+        let short = |a: Row, b: Row| -> Short { std::array::from_fn(|k| (a[k] - b[k]) as f32) };
+        let pairs = self.s[at].par_iter_mut().zip(&mut self.y[at]).enumerate().with_min_len(GRAIN);
+        pairs.for_each(|(k, (s, y))| (*s, *y) = (short(after(k), before[k]), short(from[k], to[k])));
+        let products = self.products_with_s(self.known + 1, at);
+        if products[self.known] > 0.0 && products.iter().all(|p| p.is_finite()) {
+            for (&place, product) in self.order.iter().zip(products) {
+                self.gram[place][at] = product;
+            }
+            self.known += 1;
+        }
+    }
+
+    /// First half: `q = residual - sum a y`, with the coefficients `a`, by age.
+    pub(super) fn reduce(&mut self, residual: &[Row], q: &mut [Row]) -> Sums {
+        let mut a = self.dots(&Self::s, residual);
+        for i in (0..self.known).rev() {
+            let newer: f64 = (i + 1..self.known).map(|k| a[k] * self.product(i, k)).sum();
+            a[i] = (a[i] - newer) / self.product(i, i);
+        }
+        let columns = self.columns(&Self::y);
+        q.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, q)| {
+            q.copy_from_slice(&residual[chunk * GRAIN..][..q.len()]);
+            add_columns(&columns[..self.known], &a.map(|a| -a), chunk, q);
+        });
+        a
+    }
+
+    /// Second half: makes of the preconditioned `q` the direction.
+    pub(super) fn restore(&mut self, a: &Sums, direction: &mut [Row]) {
+        let t = self.dots(&Self::y, direction);
+        let mut c = Sums::default();
+        for i in 0..self.known {
+            let older: f64 = (0..i).map(|k| c[k] * self.product(k, i)).sum();
+            c[i] = a[i] - (t[i] + older) / self.product(i, i);
+        }
+        let columns = self.columns(&Self::s);
+        direction.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, rows)| {
+            add_columns(&columns[..self.known], &c, chunk, rows);
+        });
+    }
+
+    fn s(&self, place: usize) -> &[Short] {
+        &self.s[place]
+    }
+
+    fn y(&self, place: usize) -> &[Short] {
+        &self.y[place]
+    }
+
+    /// All columns, oldest first.
+    fn columns<'a>(&'a self, of: &impl Fn(&'a Self, usize) -> &'a [Short]) -> [&'a [Short]; WINDOW] {
+        self.order.map(|place| of(self, place))
+    }
+
+    /// `s_i . y_k`, by age.
+    fn product(&self, i: usize, k: usize) -> f64 {
+        self.gram[self.order[i]][self.order[k]]
+    }
+
+    fn dots(&mut self, of: &dyn for<'b> Fn(&'b Self, usize) -> &'b [Short], x: &[Row]) -> Sums {
+        let mut partial = std::mem::take(&mut self.partial);
+        let this = &*self;
+        let columns = this.order.map(|place| of(this, place));
+        partial.par_iter_mut().zip(x.par_chunks(GRAIN)).enumerate().for_each(|(chunk, (sums, x))| {
+            *sums = Sums::default();
+            for (sum, column) in sums.iter_mut().zip(&columns[..this.known]) {
+                let mut lanes = Row::default();
+                for (c, x) in column[chunk * GRAIN..].iter().zip(x) {
+                    for ((lane, &c), x) in lanes.iter_mut().zip(c).zip(x) {
+                        *lane += f64::from(c) * x;
+                    }
+                }
+                *sum = lanes.iter().sum();
+            }
+        });
+        let sums = total(&partial);
+        self.partial = partial;
+        sums
+    }
+
+    /// `s_i . y` of the first `count` places, by age, with `y` at place `at`.
+    fn products_with_s(&mut self, count: usize, at: usize) -> Sums {
+        let mut partial = std::mem::take(&mut self.partial);
+        let (columns, y) = (self.columns(&Self::s), &self.y[at]);
+        partial.par_iter_mut().zip(y.par_chunks(GRAIN)).enumerate().for_each(|(chunk, (sums, y))| {
+            *sums = Sums::default();
+            for (sum, column) in sums.iter_mut().zip(&columns[..count]) {
+                let mut lanes = Row::default();
+                for (c, y) in column[chunk * GRAIN..].iter().zip(y) {
+                    for ((lane, &c), &y) in lanes.iter_mut().zip(c).zip(y) {
+                        *lane += f64::from(c) * f64::from(y);
+                    }
+                }
+                *sum = lanes.iter().sum();
+            }
+        });
+        let sums = total(&partial);
+        self.partial = partial;
+        sums
+    }
+}
+
+fn total(partial: &[Sums]) -> Sums {
+    partial.iter().fold(Sums::default(), |total, sums| std::array::from_fn(|k| total[k] + sums[k]))
+}
+
+/// `rows += sum_k factors_k columns_k`
+fn add_columns(columns: &[&[Short]], factors: &Sums, chunk: usize, rows: &mut [Row]) {
+    for (column, factor) in columns.iter().zip(factors) {
+        for (row, c) in rows.iter_mut().zip(&column[chunk * GRAIN..]) {
+            for (row, &c) in row.iter_mut().zip(c) {
+                *row += factor * f64::from(c);
+            }
+        }
+    }
+}
