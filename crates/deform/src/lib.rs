@@ -47,8 +47,8 @@ pub mod laplacian;
 mod method;
 mod operators;
 mod patch;
-mod region;
 pub mod refine;
+mod region;
 pub mod rotation_invariant;
 mod text;
 
@@ -59,6 +59,6 @@ pub use goals::Goals;
 pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitStage};
 pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
-pub use refine::{GlobalSolver, RefineOptions, RefineStep, Refiner};
+pub use refine::{GlobalSolver, RefineOptions, RefineStep, Refiner, StepKind};
 pub use region::{Constraint, Handle, Region, Role};
 pub use rotation_invariant::RotationInvariantOptions;

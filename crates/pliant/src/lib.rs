@@ -7,8 +7,8 @@ pub use pliant_cage::{
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, DualHeights,
     DualLaplacianOptions, EdgeWeightKind, FeatureSize, GlobalSolver, Goals, Handle, HandleFault, ImplicitConstraints,
-    ImplicitOptions, ImplicitStage, LaplacianOptions, LinearSolver, Method, PrepareReport, RefineOptions, RefineStep, Refiner, Region, Role,
-    RotationInvariantOptions, SolveReport, Start, StepTimes, rotation_invariant,
+    ImplicitOptions, ImplicitStage, LaplacianOptions, LinearSolver, Method, PrepareReport, RefineOptions, RefineStep,
+    Refiner, Region, Role, RotationInvariantOptions, SolveReport, Start, StepKind, StepTimes, rotation_invariant,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, Values, View, colour_map, render, render_values, strip, trim_alike,

@@ -212,17 +212,23 @@ impl Cells {
 
     /// The edges of the energy that cells count.
     pub(crate) fn terms(&self, shape: &Shape) -> Vec<Term> {
+        let mut terms = Vec::new();
+        self.for_each_term(shape, |term| terms.push(term));
+        terms
+    }
+
+    /// Calls `each` with the edges of the energy that cells count.
+    pub(crate) fn for_each_term(&self, shape: &Shape, mut each: impl FnMut(Term)) {
         let topology = shape.topology();
         let mut slot = vec![NONE; topology.vertex_count()];
         for (s, &v) in (0..).zip(&self.vertices) {
             slot[v as usize] = s;
         }
         let cell_of = |v: u32| if slot[v as usize] < self.cells as u32 { slot[v as usize] } else { NONE };
-        let mut terms = Vec::new();
         let mut add = |p: u32, q: u32, weight: f64, cells: [u32; 3]| {
             if cells.iter().any(|&c| c != NONE) {
                 // Next to a cell, so both have slots.
-                terms.push(Term { ends: [slot[p as usize], slot[q as usize]], cells, weight });
+                each(Term { ends: [slot[p as usize], slot[q as usize]], cells, weight });
             }
         };
         match &shape.faces {
@@ -239,7 +245,6 @@ impl Cells {
                 }
             }
         }
-        terms
     }
 }
 

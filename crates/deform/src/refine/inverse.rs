@@ -61,7 +61,8 @@ impl Inverse {
             }
             Self::Multigrid { multigrid, rhs, solution } => {
                 // Single precision has not the range of double: a power of two takes the largest number near 1.
-                let largest = rows.par_iter().with_min_len(GRAIN).map(|row| row.iter().fold(0.0, |m: f64, x| m.max(x.abs())));
+                let largest =
+                    rows.par_iter().with_min_len(GRAIN).map(|row| row.iter().fold(0.0, |m: f64, x| m.max(x.abs())));
                 let largest = largest.reduce(|| 0.0, f64::max);
                 if largest == 0.0 {
                     return Ok(());
@@ -86,6 +87,13 @@ fn factor(cells: &Cells, roles: &Roles) -> Result<Inverse, LinalgError> {
 }
 
 fn multigrid(cells: &Cells, roles: &Roles) -> Result<Inverse, LinalgError> {
+    let zeros = || vec![[0.0; 4]; roles.unknowns.as_slice().len()];
+    let multigrid = Multigrid::new(&matrix(cells, roles)?)?;
+    Ok(Inverse::Multigrid { multigrid, rhs: zeros(), solution: zeros() })
+}
+
+/// The matrix of the global step, by unknowns.
+pub(super) fn matrix(cells: &Cells, roles: &Roles) -> Result<SparseRows, LinalgError> {
     let unknowns = roles.unknowns.as_slice();
     let mut unknown_of = vec![NONE; cells.vertices.len()];
     for (unknown, &slot) in (0..).zip(unknowns) {
@@ -96,8 +104,8 @@ fn multigrid(cells: &Cells, roles: &Roles) -> Result<Inverse, LinalgError> {
         let slot = slot as usize;
         let row = cells.neighbours(slot).iter().zip(cells.pulls(slot).0);
         let row = row.map(|(&other, pull)| (unknown_of[other as usize], -pull.weight));
-        matrix.push_row([(unknown, roles.diagonal[slot])].into_iter().chain(row.filter(|(other, _)| *other != NONE)))?;
+        matrix
+            .push_row([(unknown, roles.diagonal[slot])].into_iter().chain(row.filter(|(other, _)| *other != NONE)))?;
     }
-    let zeros = || vec![[0.0; 4]; unknowns.len()];
-    Ok(Inverse::Multigrid { multigrid: Multigrid::new(&matrix)?, rhs: zeros(), solution: zeros() })
+    Ok(matrix)
 }

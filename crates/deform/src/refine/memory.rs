@@ -67,7 +67,8 @@ impl Memory {
         let short = |a: Row, b: Row| -> Short { std::array::from_fn(|k| (a[k] - b[k]) as f32) };
         let pairs = self.s[at].par_iter_mut().zip(&mut self.y[at]).enumerate().with_min_len(GRAIN);
         pairs.for_each(|(k, (s, y))| (*s, *y) = (short(after(k), before[k]), short(from[k], to[k])));
-        let products = self.products_with_s(self.known + 1, at);
+        let steps = by_age(&self.s, &self.order);
+        let products = dots(&steps[..=self.known], &self.y[at], &mut self.partial);
         if products[self.known] > 0.0 && products.iter().all(|p| p.is_finite()) {
             for (&place, product) in self.order.iter().zip(products) {
                 self.gram[place][at] = product;
@@ -78,12 +79,13 @@ impl Memory {
 
     /// First half: `q = residual - sum a y`, with the coefficients `a`, by age.
     pub(super) fn reduce(&mut self, residual: &[Row], q: &mut [Row]) -> Sums {
-        let mut a = self.dots(&Self::s, residual);
+        let steps = by_age(&self.s, &self.order);
+        let mut a = dots(&steps[..self.known], residual, &mut self.partial);
         for i in (0..self.known).rev() {
             let newer: f64 = (i + 1..self.known).map(|k| a[k] * self.product(i, k)).sum();
             a[i] = (a[i] - newer) / self.product(i, i);
         }
-        let columns = self.columns(&Self::y);
+        let columns = by_age(&self.y, &self.order);
         q.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, q)| {
             q.copy_from_slice(&residual[chunk * GRAIN..][..q.len()]);
             add_columns(&columns[..self.known], &a.map(|a| -a), chunk, q);
@@ -93,80 +95,44 @@ impl Memory {
 
     /// Second half: makes of the preconditioned `q` the direction.
     pub(super) fn restore(&mut self, a: &Sums, direction: &mut [Row]) {
-        let t = self.dots(&Self::y, direction);
+        let columns = by_age(&self.y, &self.order);
+        let t = dots(&columns[..self.known], direction, &mut self.partial);
         let mut c = Sums::default();
         for i in 0..self.known {
             let older: f64 = (0..i).map(|k| c[k] * self.product(k, i)).sum();
             c[i] = a[i] - (t[i] + older) / self.product(i, i);
         }
-        let columns = self.columns(&Self::s);
+        let columns = by_age(&self.s, &self.order);
         direction.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, rows)| {
             add_columns(&columns[..self.known], &c, chunk, rows);
         });
-    }
-
-    fn s(&self, place: usize) -> &[Short] {
-        &self.s[place]
-    }
-
-    fn y(&self, place: usize) -> &[Short] {
-        &self.y[place]
-    }
-
-    /// All columns, oldest first.
-    fn columns<'a>(&'a self, of: &impl Fn(&'a Self, usize) -> &'a [Short]) -> [&'a [Short]; WINDOW] {
-        self.order.map(|place| of(self, place))
     }
 
     /// `s_i . y_k`, by age.
     fn product(&self, i: usize, k: usize) -> f64 {
         self.gram[self.order[i]][self.order[k]]
     }
-
-    fn dots(&mut self, of: &dyn for<'b> Fn(&'b Self, usize) -> &'b [Short], x: &[Row]) -> Sums {
-        let mut partial = std::mem::take(&mut self.partial);
-        let this = &*self;
-        let columns = this.order.map(|place| of(this, place));
-        partial.par_iter_mut().zip(x.par_chunks(GRAIN)).enumerate().for_each(|(chunk, (sums, x))| {
-            *sums = Sums::default();
-            for (sum, column) in sums.iter_mut().zip(&columns[..this.known]) {
-                let mut lanes = Row::default();
-                for (c, x) in column[chunk * GRAIN..].iter().zip(x) {
-                    for ((lane, &c), x) in lanes.iter_mut().zip(c).zip(x) {
-                        *lane += f64::from(c) * x;
-                    }
-                }
-                *sum = lanes.iter().sum();
-            }
-        });
-        let sums = total(&partial);
-        self.partial = partial;
-        sums
-    }
-
-    /// `s_i . y` of the first `count` places, by age, with `y` at place `at`.
-    fn products_with_s(&mut self, count: usize, at: usize) -> Sums {
-        let mut partial = std::mem::take(&mut self.partial);
-        let (columns, y) = (self.columns(&Self::s), &self.y[at]);
-        partial.par_iter_mut().zip(y.par_chunks(GRAIN)).enumerate().for_each(|(chunk, (sums, y))| {
-            *sums = Sums::default();
-            for (sum, column) in sums.iter_mut().zip(&columns[..count]) {
-                let mut lanes = Row::default();
-                for (c, y) in column[chunk * GRAIN..].iter().zip(y) {
-                    for ((lane, &c), &y) in lanes.iter_mut().zip(c).zip(y) {
-                        *lane += f64::from(c) * f64::from(y);
-                    }
-                }
-                *sum = lanes.iter().sum();
-            }
-        });
-        let sums = total(&partial);
-        self.partial = partial;
-        sums
-    }
 }
 
-fn total(partial: &[Sums]) -> Sums {
+/// The columns that are in use, oldest first, and places after them.
+fn by_age<'a>(columns: &'a [Vec<Short>], order: &[usize; WINDOW]) -> [&'a [Short]; WINDOW] {
+    order.map(|place| columns[place].as_slice())
+}
+
+/// The inner products of the columns with `x`, by chunks in a fixed order.
+fn dots<T: Copy + Into<f64> + Sync>(columns: &[&[Short]], x: &[[T; 4]], partial: &mut [Sums]) -> Sums {
+    partial.par_iter_mut().zip(x.par_chunks(GRAIN)).enumerate().for_each(|(chunk, (sums, x))| {
+        *sums = Sums::default();
+        for (sum, column) in sums.iter_mut().zip(columns) {
+            let mut lanes = Row::default();
+            for (c, x) in column[chunk * GRAIN..].iter().zip(x) {
+                for ((lane, &c), &x) in lanes.iter_mut().zip(c).zip(x) {
+                    *lane += f64::from(c) * x.into();
+                }
+            }
+            *sum = lanes.iter().sum();
+        }
+    });
     partial.iter().fold(Sums::default(), |total, sums| std::array::from_fn(|k| total[k] + sums[k]))
 }
 

@@ -13,6 +13,7 @@ mod inverse;
 mod local;
 mod memory;
 mod refiner;
+mod subspace;
 
 use std::time::Duration;
 
@@ -44,16 +45,28 @@ pub struct RefineOptions {
     pub solver: GlobalSolver,
 }
 
+/// Where a step may go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepKind {
+    /// Along the motions of a cage.
+    Subspace,
+    /// Anywhere.
+    Full,
+}
+
 /// What a step of a refinement came to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefineStep {
+    /// Where it could go.
+    pub kind: StepKind,
     /// Steps since the refinement began, this one included.
     pub iteration: u32,
     /// Energy after the step, in world units; see [`Arap::energy`](crate::arap::Arap::energy). Never above that before it.
     pub energy: f64,
     /// By what share of itself the step lowered the energy, 0 or more.
     pub relative_change: f64,
-    /// Whether the energy cannot be lowered further but for rounding: the pose was left as it was.
+    /// Whether no step of this kind lowers the energy but for rounding: the pose was left as it was.
     pub settled: bool,
     /// How long the step took.
     pub elapsed: Duration,

@@ -7,7 +7,8 @@ use pliant_mesh::threads::{CHUNK, among_threads};
 
 use super::inverse::Inverse;
 use super::memory::Memory;
-use super::{RefineOptions, RefineStep, local};
+use super::subspace::Subspace;
+use super::{RefineOptions, RefineStep, StepKind, local};
 use crate::arap::ArapOptions;
 use crate::arap::cells::Cells;
 use crate::arap::roles::Roles;
@@ -30,6 +31,7 @@ pub struct Refiner {
     roles: Roles,
     inverse: Inverse,
     memory: Memory,
+    subspace: Option<Subspace>,
     /// `sum w |e|^2` over the edges of all cells at rest.
     rest_energy: f64,
     /// Edges of fitted cells between slots that are held: ends, and weight times the number of such cells.
@@ -49,7 +51,8 @@ struct State {
     direction: Vec<Row>,
     before: Vec<Row>,
     /// Residual with the rotations from before the handles jumped, which the first step starts from, if they did.
-    guess: Option<Vec<Row>>,
+    guess: Vec<Row>,
+    has_guess: bool,
     draws: Vec<Row>,
     landed: Vec<DVec3>,
     goals: Vec<Row>,
@@ -57,7 +60,6 @@ struct State {
     held_energy: f64,
     energy: f64,
     iteration: u32,
-    settled: bool,
     /// Partial sums over chunks of cells and of unknowns.
     partial: [Vec<f64>; 2],
 }
@@ -87,18 +89,29 @@ impl Refiner {
             trial: rows(),
             direction: rows(),
             before: rows(),
-            guess: None,
+            guess: rows(),
+            has_guess: false,
             draws: vec![Row::default(); roles.springs.len()],
             landed: vec![DVec3::ZERO; roles.led.len()],
             goals: vec![Row::default(); roles.held.len()],
             held_energy: 0.0,
             energy: 0.0,
             iteration: 0,
-            settled: false,
             partial: [vec![0.0; cells.cells.div_ceil(CHUNK)], vec![0.0; unknowns.div_ceil(CHUNK)]],
         };
         let memory = Memory::new(unknowns);
-        Ok(Self { shape, region: region.clone(), cells, roles, inverse, memory, rest_energy, held_edges, state })
+        Ok(Self {
+            shape,
+            region: region.clone(),
+            cells,
+            roles,
+            inverse,
+            memory,
+            subspace: None,
+            rest_energy,
+            held_edges,
+            state,
+        })
     }
 
     /// Starts from `positions` with the handles at `goals`, and returns the energy there, in world units.
@@ -115,20 +128,55 @@ impl Refiner {
         Ok(self.state.energy * self.shape.frame.energy_unit())
     }
 
+    /// Adds the motions of a cage as a subspace to step in.
+    ///
+    /// `row` gives, for a vertex of the mesh, the cage vertices it follows, below `cage_vertices`, and their weights: the rows of a
+    /// binding. Costs a sparse product `W^T L W` and its factor, and does not change the refinement that is going on.
+    ///
+    /// # Errors
+    /// [`DeformError::WrongCount`] for a row with a cage vertex that does not exist, [`DeformError::DegenerateSubspace`], and
+    /// [`DeformError::TooLarge`]. Then the refiner is as before.
+    pub fn set_subspace<'a>(
+        &mut self,
+        cage_vertices: usize,
+        row: impl Fn(usize) -> (&'a [u32], &'a [f32]),
+    ) -> Result<(), DeformError> {
+        self.subspace = Subspace::new(&self.cells, &self.roles, cage_vertices, row)?;
+        Ok(())
+    }
+
     /// One step towards the minimum. Allocates nothing.
     ///
     /// # Errors
     /// [`DeformError::ResultNotFinite`] if the equations lead nowhere; the pose stays as it was. Without a refinement begun nothing is done.
     pub fn step(&mut self) -> Result<RefineStep, DeformError> {
+        self.timed(StepKind::Full, Self::lower)
+    }
+
+    /// One step towards the minimum within the motions of the cage; nowhere without [`Self::set_subspace`]. Allocates nothing.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn subspace_step(&mut self) -> Result<RefineStep, DeformError> {
+        self.timed(StepKind::Subspace, Self::lower_in_subspace)
+    }
+
+    fn timed(
+        &mut self,
+        kind: StepKind,
+        lower: impl FnOnce(&mut Self) -> Result<bool, LinalgError> + Send,
+    ) -> Result<RefineStep, DeformError> {
         let start = Instant::now();
         let last = self.state.energy;
-        if self.state.begun && !self.state.settled {
-            let lowered = among_threads(self.cells.roi, || self.lower());
-            lowered.map_err(|error| DeformError::of_system(error, &self.cells.vertices))?;
+        let mut settled = true;
+        if self.state.begun {
+            let lowered = among_threads(self.cells.roi, || lower(self));
+            settled = !lowered.map_err(|error| DeformError::of_system(error, &self.cells.vertices))?;
             self.state.iteration += 1;
         }
-        let State { energy, iteration, settled, .. } = self.state;
+        let State { energy, iteration, .. } = self.state;
         Ok(RefineStep {
+            kind,
             iteration,
             energy: energy * self.shape.frame.energy_unit(),
             relative_change: if last > 0.0 { (last - energy) / last } else { 0.0 },
@@ -202,7 +250,7 @@ impl Refiner {
     fn start(&mut self) {
         self.memory.forget();
         let Self { cells, roles, state, held_edges, .. } = self;
-        (state.iteration, state.settled) = (0, false);
+        state.iteration = 0;
         let mut jumped = false;
         local::fit(cells, roles, &state.pose, &mut state.rotations, &mut state.partial[0]);
         for (&slot, goal) in roles.held.iter().zip(&state.goals) {
@@ -215,19 +263,18 @@ impl Refiner {
         };
         state.held_energy = held_edges.iter().map(square).sum();
         self.residual_of_rotations();
-        let state = &mut self.state;
-        state.guess = jumped.then(|| state.trial.clone());
+        std::mem::swap(&mut self.state.guess, &mut self.state.trial);
+        self.state.has_guess = jumped;
         self.state.energy = self.evaluate();
         std::mem::swap(&mut self.state.residual, &mut self.state.trial);
     }
 
-    /// Goes to a lower energy, or nowhere if there is none.
-    fn lower(&mut self) -> Result<(), LinalgError> {
-        if let Some(guess) = self.state.guess.take() {
-            self.state.direction.copy_from_slice(&guess);
+    /// Goes to a lower energy; whether there was one.
+    fn lower(&mut self) -> Result<bool, LinalgError> {
+        if self.state.take_guess() {
             self.inverse.apply(&self.roles, &mut self.state.direction)?;
             if self.attempt() {
-                return Ok(());
+                return Ok(true);
             }
         }
         if !self.memory.is_empty() {
@@ -236,20 +283,39 @@ impl Refiner {
             self.inverse.apply(&self.roles, &mut state.direction)?;
             self.memory.restore(&mix, &mut state.direction);
             if self.attempt() {
-                return Ok(());
+                return Ok(true);
             }
             self.memory.forget();
         }
         self.state.direction.copy_from_slice(&self.state.residual);
         self.inverse.apply(&self.roles, &mut self.state.direction)?;
+        Ok(self.attempt_shorter())
+    }
+
+    /// Goes to a lower energy by a motion of the cage; whether there was one.
+    fn lower_in_subspace(&mut self) -> Result<bool, LinalgError> {
+        let Some(subspace) = &mut self.subspace else { return Ok(false) };
+        if self.state.take_guess() {
+            subspace.apply(&mut self.state.direction)?;
+            if self.attempt() {
+                return Ok(true);
+            }
+        }
+        let Some(subspace) = &mut self.subspace else { return Ok(false) };
+        self.state.direction.copy_from_slice(&self.state.residual);
+        subspace.apply(&mut self.state.direction)?;
+        Ok(self.attempt_shorter())
+    }
+
+    /// Goes along the direction, if need be not all the way; whether the energy did not rise.
+    fn attempt_shorter(&mut self) -> bool {
         for _ in 0..=HALVINGS {
             if self.attempt() {
-                return Ok(());
+                return true;
             }
             self.state.direction.iter_mut().flatten().for_each(|x| *x *= 0.5);
         }
-        self.state.settled = true;
-        Ok(())
+        false
     }
 
     /// Goes along the direction if the energy does not rise, and else stays.
@@ -310,16 +376,26 @@ impl Refiner {
     }
 }
 
+impl State {
+    /// Makes the direction what is known from before the handles jumped, once; whether they did.
+    fn take_guess(&mut self) -> bool {
+        if self.has_guess {
+            self.direction.copy_from_slice(&self.guess);
+        }
+        std::mem::take(&mut self.has_guess)
+    }
+}
+
 /// The edges of fitted cells whose ends are both held, with their weight times the number of cells, and `sum w |e|^2` over all edges of
 /// fitted cells at rest.
 fn held_edges(shape: &Shape, cells: &Cells, roles: &Roles) -> (Vec<([u32; 2], f64)>, f64) {
     let at = |slot: u32| shape.inner[cells.vertices[slot as usize] as usize];
     let is_cell = |slot: u32| roles.fitted.has(slot as usize);
     let (mut held, mut rest) = (Vec::new(), 0.0);
-    for term in cells.terms(shape) {
+    cells.for_each_term(shape, |term| {
         let count = term.cells.iter().filter(|&&cell| is_cell(cell)).count();
         if count == 0 {
-            continue;
+            return;
         }
         let weight = term.weight * count as f64;
         let [p, q] = term.ends;
@@ -327,6 +403,6 @@ fn held_edges(shape: &Shape, cells: &Cells, roles: &Roles) -> (Vec<([u32; 2], f6
         if !roles.unknowns.has(p as usize) && !roles.unknowns.has(q as usize) {
             held.push((term.ends, weight));
         }
-    }
+    });
     (held, rest)
 }

@@ -1,7 +1,5 @@
 //! From one level to the next coarser one.
 
-use rayon::prelude::*;
-
 use crate::{LinalgError, SparseRows};
 
 /// No aggregate yet.
@@ -10,9 +8,6 @@ const NONE: u32 = u32::MAX;
 /// Entries below this share of the geometric mean of their diagonals couple weakly; halved from level to level (Vaněk et al. 1996, Eq.
 /// 5.1).
 const STRONG: f64 = 0.08;
-
-/// Coarse rows that one task makes.
-const GRAIN: usize = 256;
 
 pub(super) struct Coarsened {
     pub(super) matrix: SparseRows,
@@ -46,7 +41,7 @@ pub(super) fn coarsen(matrix: &SparseRows, level: usize) -> Result<Option<Coarse
         return Ok(None);
     }
     let prolong = prolongation(matrix, &diagonal, bound, &aggregate, count, &strong)?;
-    let matrix = product(matrix, &prolong)?;
+    let matrix = matrix.galerkin(&prolong)?;
     Ok(Some(Coarsened { matrix, prolong, diagonal, bound }))
 }
 
@@ -128,60 +123,4 @@ fn prolongation(
         prolong.push_row(row.iter().copied())?;
     }
     Ok(prolong)
-}
-
-/// `P^T A P`, its rows in parallel.
-fn product(matrix: &SparseRows, prolong: &SparseRows) -> Result<SparseRows, LinalgError> {
-    let count = prolong.column_count();
-    // Rows of the transpose.
-    let mut offsets = vec![0u32; count + 1];
-    prolong.columns().iter().for_each(|&j| offsets[j as usize + 1] += 1);
-    for j in 0..count {
-        offsets[j + 1] += offsets[j];
-    }
-    let mut next = offsets.clone();
-    let mut transpose = vec![(0u32, 0.0); prolong.columns().len()];
-    for i in 0..prolong.row_count() {
-        let (columns, values) = prolong.row(i);
-        for (&j, &value) in columns.iter().zip(values) {
-            transpose[next[j as usize] as usize] = (i as u32, value);
-            next[j as usize] += 1;
-        }
-    }
-    let all: Vec<u32> = (0..count as u32).collect();
-    let chunks: Vec<Vec<(u32, u32, f64)>> = all
-        .par_chunks(GRAIN)
-        .map_init(
-            || (vec![0.0; count], vec![NONE; count]),
-            |(sums, seen), rows| {
-                let mut made = Vec::new();
-                for &row in rows {
-                    let start = made.len();
-                    for &(i, p) in &transpose[offsets[row as usize] as usize..offsets[row as usize + 1] as usize] {
-                        let (columns, values) = matrix.row(i as usize);
-                        for (&k, &a) in columns.iter().zip(values) {
-                            let (places, weights) = prolong.row(k as usize);
-                            for (&j, &q) in places.iter().zip(weights) {
-                                if seen[j as usize] != row {
-                                    (seen[j as usize], sums[j as usize]) = (row, 0.0);
-                                    made.push((row, j, 0.0));
-                                }
-                                sums[j as usize] += p * a * q;
-                            }
-                        }
-                    }
-                    made[start..].sort_unstable_by_key(|&(_, j, _)| j);
-                    made[start..].iter_mut().for_each(|(_, j, value)| *value = sums[*j as usize]);
-                }
-                made
-            },
-        )
-        .collect();
-    let mut coarse = SparseRows::new(count);
-    for chunk in &chunks {
-        for row in chunk.chunk_by(|a, b| a.0 == b.0) {
-            coarse.push_row(row.iter().map(|&(_, j, value)| (j, value)))?;
-        }
-    }
-    Ok(coarse)
 }

@@ -25,27 +25,6 @@ impl Csr {
         Self { offsets, columns: rows.columns().to_vec(), values }
     }
 
-    pub(super) fn transpose_of(rows: &SparseRows) -> Self {
-        let mut offsets = vec![0u32; rows.column_count() + 1];
-        for &j in rows.columns() {
-            offsets[j as usize + 1] += 1;
-        }
-        for j in 0..rows.column_count() {
-            offsets[j + 1] += offsets[j];
-        }
-        let mut next = offsets.clone();
-        let (mut columns, mut values) = (vec![0; rows.columns().len()], vec![0.0; rows.columns().len()]);
-        for i in 0..rows.row_count() {
-            let (of_row, numbers) = rows.row(i);
-            for (&j, &value) in of_row.iter().zip(numbers) {
-                let at = next[j as usize] as usize;
-                (columns[at], values[at]) = (i as u32, value as f32);
-                next[j as usize] += 1;
-            }
-        }
-        Self { offsets, columns, values }
-    }
-
     /// Calls `finish(i, (A x)_i, out_i)` for each row.
     fn each<T: Send>(&self, x: &[Row], out: &mut [T], finish: impl Fn(usize, Row, &mut T) + Sync) {
         out.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, out)| {

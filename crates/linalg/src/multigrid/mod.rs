@@ -3,7 +3,7 @@
 mod coarsen;
 mod csr;
 
-use crate::{Cholesky, LinalgError, SparseRows, Triplet};
+use crate::{Cholesky, LinalgError, SparseRows};
 use coarsen::coarsen;
 use csr::{Csr, Row};
 
@@ -66,6 +66,9 @@ impl Multigrid {
             let found = matrix.column_count();
             return Err(LinalgError::WrongCount { what: "columns", expected: unknowns, found });
         }
+        if matrix.values().len() > u32::MAX as usize {
+            return Err(LinalgError::TooLarge { unknowns, entries: matrix.values().len() });
+        }
         if let Some(entry) = matrix.values().iter().position(|x| !x.is_finite()) {
             return Err(LinalgError::EntryNotFinite { entry });
         }
@@ -83,7 +86,7 @@ impl Multigrid {
             levels.push(Level {
                 matrix: Csr::of(current),
                 inverse: made.diagonal.iter().map(|d| (1.0 / d) as f32).collect(),
-                restrict: Csr::transpose_of(&made.prolong),
+                restrict: Csr::of(&made.prolong.transpose()),
                 prolong: Csr::of(&made.prolong),
                 bound: made.bound as f32,
                 rhs: zeros(),
@@ -149,13 +152,7 @@ fn factor(matrix: &SparseRows) -> Result<(Option<Cholesky>, Vec<[f64; 3]>), Lina
     if n > LARGEST_FACTOR {
         return Err(LinalgError::TooLarge { unknowns: n, entries: matrix.values().len() });
     }
-    let mut lower = Vec::new();
-    for i in 0..n {
-        let (columns, values) = matrix.row(i);
-        let entries = columns.iter().zip(values).filter(|(j, _)| **j as usize <= i);
-        lower.extend(entries.map(|(&j, &value)| Triplet::new(i as u32, j, value)));
-    }
-    let factor = if n == 0 { None } else { Some(Cholesky::of_triplets(n, &lower)?) };
+    let factor = if n == 0 { None } else { Some(Cholesky::of_rows(matrix)?) };
     Ok((factor, vec![[0.0; 3]; n]))
 }
 
