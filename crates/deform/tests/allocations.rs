@@ -162,9 +162,10 @@ fn refinement_steps_allocate_nothing() {
             refiner.begin(&goals(3), &mesh.positions).expect("valid");
             let mut pose = mesh.positions.clone();
             refiner.step().expect("finite");
+            let next = goals(4);
             let info = pool.install(|| {
                 measure(|| {
-                    refiner.begin(&goals(4), &pose).expect("valid");
+                    refiner.begin(&next, &pose).expect("valid");
                     for _ in 0..12 {
                         refiner.step().expect("finite");
                         refiner.subspace_step().expect("finite");
