@@ -251,8 +251,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
         };
         let one = run(1);
         assert!(distance(&one, &start) > 1e-3);
-        assert_eq!(one, run(2));
-        assert_eq!(one, run(5));
+        assert!(one == run(2) && one == run(5), "{solver:?}");
     }
 }
 
@@ -268,7 +267,7 @@ fn scale_and_place_do_not_matter() {
         let there = TriMesh::new(moved(&mesh.positions), mesh.topology().triangles().to_vec()).expect("valid");
         let here = goals();
         let goals = here.transforms.iter().map(|t| Similarity {
-            translation: t.translation * scale + shift - t.apply(shift) + t.apply(DVec3::ZERO),
+            translation: t.translation * scale + (shift - (t.apply(shift) - t.apply(DVec3::ZERO))),
             ..*t
         });
         let goals = Goals::new(goals.collect());
@@ -281,7 +280,7 @@ fn scale_and_place_do_not_matter() {
     };
     let here = refined(1.0, DVec3::ZERO);
     for power in [-40, -3, 40] {
-        assert_eq!(refined(2.0f64.powi(power), DVec3::ZERO), here);
+        assert!(refined(2.0f64.powi(power), DVec3::ZERO) == here, "2^{power}");
     }
     let way = distance(&here, &start);
     for (scale, shift) in [(1e-12, DVec3::ZERO), (1e12, DVec3::ZERO), (1.0, DVec3::splat(1e3))] {

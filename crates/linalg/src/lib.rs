@@ -12,6 +12,8 @@
 //! [`SparseRows`] hold a matrix of any shape, and [`LeastSquares`] or, without a factor, [`IterativeLeastSquares`] solve with it in the
 //! least-squares sense.
 //!
+//! [`Multigrid`] is an approximate inverse for matrices like a mesh's Laplacian, where a factor takes too long or too much memory.
+//!
 //! This crate knows numbers only: no mesh, no vertex. faer is used here and nowhere else.
 
 mod cholesky;
