@@ -43,7 +43,7 @@ pub enum DeformError {
     /// Something has not one entry per vertex or handle.
     #[error("{found} {what} given where {expected} are needed")]
     WrongCount {
-        /// "positions", "goals", "turns", "points" or "vertices of the region".
+        /// "positions", "goals", "turns", "points", "cage vertices" or "vertices of the region".
         what: &'static str,
         /// How many are needed.
         expected: usize,
@@ -78,6 +78,14 @@ pub enum DeformError {
     Singular {
         /// The vertex.
         vertex: u32,
+    },
+    /// The equations of a subspace could not be solved.
+    #[error(
+        "the equations of the cage's subspace break down at cage vertex {column}: its weights are not finite or too uneven"
+    )]
+    DegenerateSubspace {
+        /// The cage vertex.
+        column: usize,
     },
     /// The result is not finite or too large to compute with.
     #[error("the result at vertex {vertex} is not a finite number; the pose was left as it was")]

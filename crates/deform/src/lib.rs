@@ -49,6 +49,7 @@ mod method;
 mod operators;
 mod patch;
 mod points;
+pub mod refine;
 mod region;
 pub mod rotation_invariant;
 mod text;
@@ -61,5 +62,6 @@ pub use implicit::{FeatureSize, ImplicitConstraints, ImplicitOptions, ImplicitRe
 pub use laplacian::{Details, LaplacianOptions};
 pub use method::{Deformer, Method, PrepareReport, SolveReport, StepTimes};
 pub use points::PointRows;
+pub use refine::{GlobalSolver, RefineOptions, RefineStep, Refiner, StepKind};
 pub use region::{Constraint, Handle, Region, Role};
 pub use rotation_invariant::RotationInvariantOptions;

@@ -10,8 +10,8 @@ use pliant_deform::dual::DualLaplacian;
 use pliant_deform::laplacian::{Details, Laplacian, LaplacianOptions};
 use pliant_deform::rotation_invariant::RotationInvariant;
 use pliant_deform::{
-    Constraint, Deformer, DualLaplacianOptions, Goals, Handle, LinearSolver, PointRows, Region,
-    RotationInvariantOptions,
+    Constraint, Deformer, DualLaplacianOptions, GlobalSolver, Goals, Handle, LinearSolver, PointRows, RefineOptions,
+    Refiner, Region, RotationInvariantOptions,
 };
 use pliant_mesh::{FrameFit, Frames, Similarity, TriMesh, VertexSet};
 
@@ -180,6 +180,34 @@ fn the_dual_laplacian_allocates_nothing() {
                 })
             });
             assert_eq!(info.count_total, 0, "{options:?}");
+        }
+    }
+}
+
+/// Steps of either kind, with either solver.
+#[test]
+fn refinement_steps_allocate_nothing() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("threads");
+    for mesh in [sheet(16, 8), torus(90, 40)] {
+        for solver in [GlobalSolver::Factor, GlobalSolver::Multigrid] {
+            let options = RefineOptions { solver, ..RefineOptions::default() };
+            let mut refiner = Refiner::prepare(&mesh, &region(&mesh, true), &options).expect("valid");
+            refiner.set_subspace(2, |v| if v % 2 == 0 { (&[0], &[1.0]) } else { (&[1], &[1.0]) }).expect("valid");
+            refiner.begin(&goals(3), &mesh.positions).expect("valid");
+            let mut pose = mesh.positions.clone();
+            refiner.step().expect("finite");
+            let next = goals(4);
+            let info = pool.install(|| {
+                measure(|| {
+                    refiner.begin(&next, &pose).expect("valid");
+                    for _ in 0..12 {
+                        refiner.step().expect("finite");
+                        refiner.subspace_step().expect("finite");
+                    }
+                    refiner.positions(&mut pose).expect("finite");
+                })
+            });
+            assert_eq!(info.count_total, 0, "{solver:?}");
         }
     }
 }

@@ -10,7 +10,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side, Spec};
 
 use crate::panels::{Columns, Panels};
-use crate::{LinalgError, SpdPattern, Triplet};
+use crate::{LinalgError, SparseRows, SpdPattern, Triplet};
 
 /// The factors of surfaces have too little work to share out among threads.
 const PAR: Par = Par::Seq;
@@ -82,6 +82,20 @@ impl Cholesky {
     pub fn of_triplets(unknowns: usize, triplets: &[Triplet]) -> Result<Self, LinalgError> {
         let pattern = Arc::new(SpdPattern::new(unknowns, triplets)?);
         Self::new(pattern, triplets.iter().map(|t| t.value))
+    }
+
+    /// Pattern and factor of a symmetric matrix given by full rows; only what is on and below the diagonal is read.
+    ///
+    /// # Errors
+    /// As [`Self::of_triplets`].
+    pub fn of_rows(matrix: &SparseRows) -> Result<Self, LinalgError> {
+        let mut lower = Vec::new();
+        for i in 0..matrix.row_count() {
+            let (columns, values) = matrix.row(i);
+            let entries = columns.iter().zip(values).filter(|(j, _)| **j as usize <= i);
+            lower.extend(entries.map(|(&j, &value)| Triplet::new(i as u32, j, value)));
+        }
+        Self::of_triplets(matrix.row_count(), &lower)
     }
 
     /// Factors again with other values in the same places, in the same memory; the result is bit for bit that of a

@@ -12,12 +12,15 @@
 //! [`SparseRows`] hold a matrix of any shape, and [`LeastSquares`] or, without a factor, [`IterativeLeastSquares`] solve with it in the
 //! least-squares sense.
 //!
+//! [`Multigrid`] is an approximate inverse for matrices like a mesh's Laplacian, where a factor takes too long or too much memory.
+//!
 //! This crate knows numbers only: no mesh, no vertex. faer is used here and nowhere else.
 
 mod cholesky;
 mod error;
 mod iterative;
 mod least_squares;
+mod multigrid;
 mod normal;
 mod panels;
 mod partition;
@@ -28,6 +31,7 @@ pub use cholesky::Cholesky;
 pub use error::LinalgError;
 pub use iterative::{IterativeLeastSquares, IterativeReport, Krylov};
 pub use least_squares::LeastSquares;
+pub use multigrid::Multigrid;
 pub use partition::{Coupling, Partition};
 pub use pattern::SpdPattern;
 pub use rows::SparseRows;

@@ -1,4 +1,12 @@
+use rayon::prelude::*;
+
 use crate::LinalgError;
+
+/// Rows of a product that one task makes.
+const GRAIN: usize = 512;
+
+/// No row.
+const NONE: u32 = u32::MAX;
 
 /// A sparse matrix by rows, of any shape: each row is a list of columns and values.
 ///
@@ -37,6 +45,78 @@ impl SparseRows {
         }
         self.offsets.push(self.columns.len());
         Ok(())
+    }
+
+    /// The transpose; each of its rows has increasing columns.
+    pub fn transpose(&self) -> Self {
+        let mut offsets = vec![0; self.column_count + 1];
+        self.columns.iter().for_each(|&j| offsets[j as usize + 1] += 1);
+        for j in 0..self.column_count {
+            offsets[j + 1] += offsets[j];
+        }
+        let mut next = offsets.clone();
+        let (mut columns, mut values) = (vec![0; self.columns.len()], vec![0.0; self.columns.len()]);
+        for i in 0..self.row_count() {
+            let (of_row, numbers) = self.row(i);
+            for (&j, &value) in of_row.iter().zip(numbers) {
+                let at = next[j as usize];
+                (columns[at], values[at]) = (i as u32, value);
+                next[j as usize] += 1;
+            }
+        }
+        Self { column_count: self.row_count(), offsets, columns, values }
+    }
+
+    /// The product with another matrix, row by row (Gustavson 1978), in parallel; each row has increasing columns.
+    ///
+    /// # Errors
+    /// [`LinalgError::WrongCount`] if `other` has not one row for each column.
+    pub fn product(&self, other: &Self) -> Result<Self, LinalgError> {
+        let (expected, found) = (self.column_count, other.row_count());
+        if expected != found {
+            return Err(LinalgError::WrongCount { what: "rows of the other factor", expected, found });
+        }
+        let count = other.column_count;
+        let tasks: Vec<usize> = (0..self.row_count().div_ceil(GRAIN)).collect();
+        let make = |(sums, seen): &mut (Vec<f64>, Vec<u32>), &task: &usize| {
+            let (mut ends, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
+            for row in task * GRAIN..((task + 1) * GRAIN).min(self.row_count()) {
+                let start = columns.len();
+                let (inner, factors) = self.row(row);
+                for (&k, &factor) in inner.iter().zip(factors) {
+                    let (places, numbers) = other.row(k as usize);
+                    for (&j, &number) in places.iter().zip(numbers) {
+                        if seen[j as usize] != row as u32 {
+                            (seen[j as usize], sums[j as usize]) = (row as u32, 0.0);
+                            columns.push(j);
+                        }
+                        sums[j as usize] += factor * number;
+                    }
+                }
+                columns[start..].sort_unstable();
+                values.extend(columns[start..].iter().map(|&j| sums[j as usize]));
+                ends.push(columns.len());
+            }
+            (ends, columns, values)
+        };
+        let made: Vec<(Vec<usize>, Vec<u32>, Vec<f64>)> =
+            tasks.par_iter().map_init(|| (vec![0.0; count], vec![NONE; count]), make).collect();
+        let mut product = Self::new(count);
+        for (ends, columns, values) in made {
+            let before = product.columns.len();
+            product.offsets.extend(ends.iter().map(|end| before + end));
+            product.columns.extend(columns);
+            product.values.extend(values);
+        }
+        Ok(product)
+    }
+
+    /// `P^T A P` for this matrix `A`.
+    ///
+    /// # Errors
+    /// [`LinalgError::WrongCount`] if sizes do not fit.
+    pub fn galerkin(&self, p: &Self) -> Result<Self, LinalgError> {
+        p.transpose().product(&self.product(p)?)
     }
 
     /// Number of columns.

@@ -7,9 +7,10 @@ pub use pliant_cage::{
 };
 pub use pliant_deform::{
     Acceleration, ArapEnergy, ArapOptions, Constraint, DeformError, Deformer, Details, DualHeights,
-    DualLaplacianOptions, EdgeWeightKind, FeatureSize, Goals, Handle, HandleFault, ImplicitConstraints,
+    DualLaplacianOptions, EdgeWeightKind, FeatureSize, GlobalSolver, Goals, Handle, HandleFault, ImplicitConstraints,
     ImplicitOptions, ImplicitReport, ImplicitStage, LaplacianOptions, LinearSolver, Method, PointRows, PrepareReport,
-    Region, Role, RotationInvariantOptions, SolveReport, Start, StepTimes, rotation_invariant,
+    RefineOptions, RefineStep, Refiner, Region, Role, RotationInvariantOptions, SolveReport, Start, StepKind,
+    StepTimes, rotation_invariant,
 };
 pub use pliant_io::picture::{
     Picture, PictureError, PictureOptions, SheetCell, SheetRow, Values, View, colour_map, contact_sheet, render,

@@ -10,7 +10,7 @@ use super::steps::Row;
 const DEPENDENT: f64 = 1e-12;
 
 /// The last steps `f = G(x) - x` of the map `G`, a local and a global step, and where they led, as differences from one to the next.
-pub(super) struct Anderson {
+pub(crate) struct Anderson {
     window: usize,
     /// Of steps, of where they led: by place in the window, then by unknown.
     steps: Vec<Vec<Row>>,
@@ -30,7 +30,7 @@ pub(super) struct Anderson {
 }
 
 impl Anderson {
-    pub(super) fn new(window: usize, unknowns: usize) -> Self {
+    pub(crate) fn new(window: usize, unknowns: usize) -> Self {
         let columns = || vec![vec![Row::default(); unknowns]; window];
         let square = || vec![vec![0.0; window]; window];
         Self {
@@ -49,22 +49,22 @@ impl Anderson {
     }
 
     /// Forgets all steps: what comes is another map, or far from where they were.
-    pub(super) fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         (self.known, self.next, self.has_step) = (0, 0, false);
     }
 
     /// Whether the last step was mixed.
-    pub(super) fn has_mixed(&self) -> bool {
+    pub(crate) fn has_mixed(&self) -> bool {
         self.known > 0
     }
 
     /// Where the last plain step ended.
-    pub(super) fn end(&self) -> &[Row] {
+    pub(crate) fn end(&self) -> &[Row] {
         &self.end
     }
 
     /// Notes a step and where it led, by unknown.
-    pub(super) fn note(&mut self, moves: impl Iterator<Item = (Row, Row)>) {
+    pub(crate) fn note(&mut self, moves: impl Iterator<Item = (Row, Row)>) {
         if !self.has_step {
             for ((step, end), (new_step, new_end)) in self.step.iter_mut().zip(&mut self.end).zip(moves) {
                 (*step, *end) = (new_step, new_end);
@@ -93,7 +93,7 @@ impl Anderson {
     /// Finds the mix of known differences that, taken off the last step, leaves the least of it; whether there is any.
     ///
     /// Normal equations, as the unknowns are few: differences that depend on those before them but for rounding are left out.
-    pub(super) fn mix(&mut self) -> bool {
+    pub(crate) fn mix(&mut self) -> bool {
         let known = self.known;
         // Latest first, so that what is left out is oldest.
         let window = self.window;
@@ -126,7 +126,7 @@ impl Anderson {
     }
 
     /// Where the mixed step leads, by unknown: `G(x)` less the mix of differences of ends.
-    pub(super) fn mixed(&self, unknown: usize) -> Row {
+    pub(crate) fn mixed(&self, unknown: usize) -> Row {
         let mut position = self.end[unknown];
         for (age, &mix) in self.mix[..self.known].iter().enumerate() {
             let difference = self.ends[(self.next + self.window - 1 - age) % self.window][unknown];

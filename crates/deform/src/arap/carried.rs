@@ -15,7 +15,7 @@ use crate::goals::shortest_turn;
 ///
 /// The equations are those of the global step without rest edges, so its factor is used; a soft handle draws the rotation
 /// vectors of its vertices as it draws their positions, and rows hold those of their points as they hold their positions. What is fixed counts as one more handle.
-pub(super) struct Carried {
+pub(crate) struct Carried {
     /// Rotation vector of each slot that is fitted.
     turns: Vec<Row>,
     /// Rotation vectors that springs and rows draw to.
@@ -25,7 +25,7 @@ pub(super) struct Carried {
 }
 
 impl Carried {
-    pub(super) fn new(cells: &Cells, roles: &Roles) -> Self {
+    pub(crate) fn new(cells: &Cells, roles: &Roles) -> Self {
         let mut handles = vec![NONE; roles.rim];
         for led in &roles.led {
             if let Some(handle) = handles.get_mut(led.held as usize) {
@@ -37,7 +37,7 @@ impl Carried {
     }
 
     /// Notes the turns of what is held: the handles' own, and for what is fixed the shortest that takes it from rest to `pose`.
-    pub(super) fn read(&mut self, roles: &Roles, goals: &Goals, rest: &[DVec3], pose: &[Row]) {
+    pub(crate) fn read(&mut self, roles: &Roles, goals: &Goals, rest: &[DVec3], pose: &[Row]) {
         let rim = || roles.held[..roles.rim].iter().map(|&slot| slot as usize).zip(&self.handles);
         let fixed = rim().filter(|(_, handle)| **handle == NONE);
         let fixed = Fit::rigid(fixed.map(|(slot, _)| (rest[slot], point(pose[slot]), 1.0)));
@@ -55,7 +55,7 @@ impl Carried {
     }
 
     /// Writes the interpolated rotation of each fitted cell; `rhs` is scratch, one per slot of the region.
-    pub(super) fn rotate(
+    pub(crate) fn rotate(
         &mut self,
         cells: &Cells,
         roles: &Roles,

@@ -6,23 +6,23 @@ use pliant_linalg::{LinalgError, SpdPattern};
 use super::shape::Shape;
 
 /// No slot.
-pub(super) const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// One edge of the energy and the cells that count it.
-pub(super) struct Term {
-    pub(super) ends: [u32; 2],
+pub(crate) struct Term {
+    pub(crate) ends: [u32; 2],
     /// Slots of cells, [`NONE`] for a cell that is left out.
-    pub(super) cells: [u32; 3],
-    pub(super) weight: f64,
+    pub(crate) cells: [u32; 3],
+    pub(crate) weight: f64,
 }
 
 /// What a neighbour's cell contributes to the equation of a vertex.
 #[derive(Clone, Copy)]
-pub(super) struct Pull {
+pub(crate) struct Pull {
     /// Rest vector that the neighbour's rotation is applied to.
-    pub(super) rest: [f64; 3],
+    pub(crate) rest: [f64; 3],
     /// Weight of the edge between the two in the matrix.
-    pub(super) weight: f64,
+    pub(crate) weight: f64,
 }
 
 /// The part of the mesh that an edit of a region of interest can reach, renumbered: *slots* `0..roi` are the region, whatever
@@ -34,11 +34,11 @@ pub(super) struct Pull {
 /// p_q)` runs over the cell's edges at `j`; and setting the derivative with respect to `p'_j` to zero gives the row
 /// `(L p')_j = sum_i R_i c_ij / m` over the cells `i` that contain `j`, `m` being the multiplicity. Spokes alone make
 /// this Sorkine and Alexa's (2007) Eq. 5 and 8, since there `c_ij = w_ij (p_j - p_i)`.
-pub(super) struct Cells {
+pub(crate) struct Cells {
     /// Mesh vertex of each slot; increasing within the three ranges.
-    pub(super) vertices: Vec<u32>,
-    pub(super) roi: usize,
-    pub(super) cells: usize,
+    pub(crate) vertices: Vec<u32>,
+    pub(crate) roi: usize,
+    pub(crate) cells: usize,
     /// Row `i` of the lists below is `offsets[i]..offsets[i + 1]`.
     offsets: Vec<u32>,
     /// Slots next to each cell's, by increasing vertex.
@@ -55,7 +55,7 @@ pub(super) struct Cells {
 
 impl Cells {
     /// `roi` are mesh vertices, increasing.
-    pub(super) fn new(shape: &Shape, roi: &[u32]) -> Self {
+    pub(crate) fn new(shape: &Shape, roi: &[u32]) -> Self {
         let (vertices, slot, cells) = number(shape, roi);
         let mut layout = Self {
             vertices,
@@ -79,25 +79,25 @@ impl Cells {
 
     /// Slots next to the slot of a cell.
     #[inline(always)]
-    pub(super) fn neighbours(&self, cell: usize) -> &[u32] {
+    pub(crate) fn neighbours(&self, cell: usize) -> &[u32] {
         &self.neighbours[self.row(cell)]
     }
 
     /// `c_ij`, parallel to [`Self::neighbours`].
     #[inline(always)]
-    pub(super) fn covariance(&self, cell: usize) -> &[[f64; 3]] {
+    pub(crate) fn covariance(&self, cell: usize) -> &[[f64; 3]] {
         &self.covariance[self.row(cell)]
     }
 
     /// Parallel to [`Self::neighbours`], for a slot of the region; and its own rest vector.
     #[inline(always)]
-    pub(super) fn pulls(&self, slot: usize) -> (&[Pull], [f64; 3]) {
+    pub(crate) fn pulls(&self, slot: usize) -> (&[Pull], [f64; 3]) {
         (&self.pulls[self.row(slot)], self.own_pull[slot])
     }
 
     /// Parallel to [`Self::neighbours`]; empty if rotations are not smoothed.
     #[inline(always)]
-    pub(super) fn smoothing(&self, cell: usize) -> &[f64] {
+    pub(crate) fn smoothing(&self, cell: usize) -> &[f64] {
         self.smoothing.get(self.row(cell)).unwrap_or_default()
     }
 
@@ -184,12 +184,12 @@ impl Cells {
     }
 
     /// The sum of the weights at a slot of the region: its diagonal entry in the Laplacian.
-    pub(super) fn diagonal(&self, slot: usize) -> f64 {
+    pub(crate) fn diagonal(&self, slot: usize) -> f64 {
         self.pulls(slot).0.iter().map(|pull| pull.weight).sum()
     }
 
     /// Order and symbolic factor of the Laplacian of the region, whatever its roles.
-    pub(super) fn pattern(&self) -> Result<SpdPattern, LinalgError> {
+    pub(crate) fn pattern(&self) -> Result<SpdPattern, LinalgError> {
         let mut col_ptr = vec![0];
         let mut row_idx = Vec::with_capacity(self.roi + self.offsets[self.roi] as usize / 2);
         for slot in 0..self.roi as u32 {
@@ -202,7 +202,7 @@ impl Cells {
     }
 
     /// The entries of the Laplacian in the order of [`Self::pattern`]; `diagonal` has the diagonal ones.
-    pub(super) fn laplacian<'a>(&'a self, diagonal: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    pub(crate) fn laplacian<'a>(&'a self, diagonal: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         (0..self.roi as u32).zip(diagonal).flat_map(|(slot, &diagonal)| {
             let row = self.neighbours(slot as usize).iter().zip(self.pulls(slot as usize).0);
             let before = row.filter(move |&(&other, _)| other < slot).map(|(_, pull)| -pull.weight);
@@ -211,18 +211,24 @@ impl Cells {
     }
 
     /// The edges of the energy that cells count.
-    pub(super) fn terms(&self, shape: &Shape) -> Vec<Term> {
+    pub(crate) fn terms(&self, shape: &Shape) -> Vec<Term> {
+        let mut terms = Vec::new();
+        self.for_each_term(shape, |term| terms.push(term));
+        terms
+    }
+
+    /// Calls `each` with the edges of the energy that cells count.
+    pub(crate) fn for_each_term(&self, shape: &Shape, mut each: impl FnMut(Term)) {
         let topology = shape.topology();
         let mut slot = vec![NONE; topology.vertex_count()];
         for (s, &v) in (0..).zip(&self.vertices) {
             slot[v as usize] = s;
         }
         let cell_of = |v: u32| if slot[v as usize] < self.cells as u32 { slot[v as usize] } else { NONE };
-        let mut terms = Vec::new();
         let mut add = |p: u32, q: u32, weight: f64, cells: [u32; 3]| {
             if cells.iter().any(|&c| c != NONE) {
                 // Next to a cell, so both have slots.
-                terms.push(Term { ends: [slot[p as usize], slot[q as usize]], cells, weight });
+                each(Term { ends: [slot[p as usize], slot[q as usize]], cells, weight });
             }
         };
         match &shape.faces {
@@ -239,7 +245,6 @@ impl Cells {
                 }
             }
         }
-        terms
     }
 }
 

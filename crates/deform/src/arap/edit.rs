@@ -18,48 +18,48 @@ use crate::frame::{Frame, check_pose};
 use crate::{DeformError, Goals, Region, StepTimes};
 
 /// What depends on the region.
-pub(super) struct Edit {
-    pub(super) region: Region,
-    pub(super) cells: Cells,
+pub(crate) struct Edit {
+    pub(crate) region: Region,
+    pub(crate) cells: Cells,
     /// Of the matrix.
-    pub(super) places: Places,
-    pub(super) roles: Roles,
-    pub(super) factor: Cholesky,
+    pub(crate) places: Places,
+    pub(crate) roles: Roles,
+    pub(crate) factor: Cholesky,
     /// If iterations are accelerated.
-    pub(super) anderson: Option<Anderson>,
+    pub(crate) anderson: Option<Anderson>,
     /// If they start from the turns of the handles.
-    pub(super) carried: Option<Carried>,
+    pub(crate) carried: Option<Carried>,
     /// If rotations are smoothed.
-    pub(super) smoother: Option<Smoother>,
+    pub(crate) smoother: Option<Smoother>,
     /// Edges of the energy; only if it has been asked for.
-    pub(super) terms: Option<Vec<Term>>,
+    pub(crate) terms: Option<Vec<Term>>,
     /// In the frame, by slot.
-    pub(super) rest: Vec<DVec3>,
-    pub(super) scratch: Scratch,
-    pub(super) times: StepTimes,
+    pub(crate) rest: Vec<DVec3>,
+    pub(crate) scratch: Scratch,
+    pub(crate) times: StepTimes,
 }
 
 /// Arrays of one solve, kept so that the next one allocates nothing. All in the frame.
 #[derive(Default)]
-pub(super) struct Scratch {
+pub(crate) struct Scratch {
     /// By slot; only of those that equations look at.
-    pub(super) pose: Vec<Row>,
+    pub(crate) pose: Vec<Row>,
     /// By cell; only of those that are fitted.
-    pub(super) rotations: Vec<Columns>,
+    pub(crate) rotations: Vec<Columns>,
     /// By slot of the region.
-    pub(super) rhs: Vec<[f64; 3]>,
+    pub(crate) rhs: Vec<[f64; 3]>,
     /// Where those held are to be.
-    pub(super) goals: Vec<Row>,
+    pub(crate) goals: Vec<Row>,
     /// Goals of what is drawn.
-    pub(super) draws: Draws,
+    pub(crate) draws: Draws,
     /// Goals of those led, in world units.
-    pub(super) landed: Vec<DVec3>,
+    pub(crate) landed: Vec<DVec3>,
     /// Of [`ENERGY_CHUNK`] terms each.
-    pub(super) energy: Vec<f64>,
+    pub(crate) energy: Vec<f64>,
 }
 
 impl Edit {
-    pub(super) fn new(options: &ArapOptions, shape: &Shape, region: &Region) -> Result<Self, DeformError> {
+    pub(crate) fn new(options: &ArapOptions, shape: &Shape, region: &Region) -> Result<Self, DeformError> {
         region.require_constrained(shape.topology())?;
         let roi: Vec<u32> = region.roi().collect();
         let cells = Cells::new(shape, &roi);
@@ -106,7 +106,7 @@ impl Edit {
     }
 
     /// Whether a region has the same region of interest, and points that are sums of the same vertices.
-    pub(super) fn has_same_pattern(&self, region: &Region) -> bool {
+    pub(crate) fn has_same_pattern(&self, region: &Region) -> bool {
         fn rows(region: &Region) -> impl Iterator<Item = impl Iterator<Item = u32>> {
             region.rows().map(|(.., row)| row.iter().map(|&(vertex, _)| vertex))
         }
@@ -116,7 +116,7 @@ impl Edit {
     }
 
     /// Takes over the roles of a region with the same pattern, or changes nothing.
-    pub(super) fn set_roles(
+    pub(crate) fn set_roles(
         &mut self,
         options: &ArapOptions,
         shape: &Shape,
@@ -144,13 +144,13 @@ impl Edit {
     }
 
     /// Makes ready for [`Self::current_energy`].
-    pub(super) fn prepare_energy(&mut self, shape: &Shape) {
+    pub(crate) fn prepare_energy(&mut self, shape: &Shape) {
         let terms = self.terms.get_or_insert_with(|| self.cells.terms(shape));
         self.scratch.energy.resize(terms.len().div_ceil(ENERGY_CHUNK), 0.0);
     }
 
     /// Checks the input and brings pose and goals into the frame.
-    pub(super) fn read(&mut self, shape: &Shape, goals: &Goals, positions: &[DVec3]) -> Result<(), DeformError> {
+    pub(crate) fn read(&mut self, shape: &Shape, goals: &Goals, positions: &[DVec3]) -> Result<(), DeformError> {
         goals.check(&self.region)?;
         check_pose(self.region.vertex_count(), positions)?;
         let Self { cells, roles, scratch, .. } = self;
@@ -183,7 +183,7 @@ impl Edit {
     }
 
     /// Writes the solution, or nothing if it cannot be written in world units.
-    pub(super) fn write(&self, frame: &Frame, positions: &mut [DVec3]) -> Result<(), DeformError> {
+    pub(crate) fn write(&self, frame: &Frame, positions: &mut [DVec3]) -> Result<(), DeformError> {
         let Self { cells, roles, scratch, .. } = self;
         let solved = roles
             .unknowns

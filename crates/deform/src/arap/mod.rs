@@ -18,15 +18,15 @@
 
 mod anderson;
 mod carried;
-mod cells;
+pub(crate) mod cells;
 mod deformer;
 mod edit;
 mod moves;
-mod roles;
+pub(crate) mod roles;
 mod rows;
-mod shape;
+pub(crate) mod shape;
 mod smooth;
-mod steps;
+pub(crate) mod steps;
 
 use std::fmt;
 use std::str::FromStr;

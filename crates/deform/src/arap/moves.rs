@@ -18,7 +18,7 @@ impl Edit {
     /// The former rotations are taken before the handles jump: with handles already at their goals, the cells at their rims
     /// would see torn edges and no true rotation. From rest all of them are one rotation: the identity (Sorkine and
     /// Alexa's guess) unless the constraints turn as a whole.
-    pub(super) fn guess(&mut self) -> Result<(), LinalgError> {
+    pub(crate) fn guess(&mut self) -> Result<(), LinalgError> {
         if let Some(anderson) = &mut self.anderson {
             anderson.forget();
         }
@@ -42,7 +42,7 @@ impl Edit {
     /// lowered the energy after two iterations by a few to fifty percent and never raised it by more than one, so it
     /// is always done. The fit is over the constrained vertices next to an unknown, those of soft handles and all points, as
     /// far as these count: no others enter the equations.
-    pub(super) fn follow_constraints(&mut self) {
+    pub(crate) fn follow_constraints(&mut self) {
         let Self { roles, scratch, .. } = self;
         let Scratch { pose, goals, draws, .. } = scratch;
         let hard = roles.held[..roles.rim].iter().zip(&*goals).map(|(&slot, goal)| (slot, goal, 1.0));
@@ -59,7 +59,7 @@ impl Edit {
         }
     }
 
-    pub(super) fn carry_rotations(&mut self) -> Result<(), LinalgError> {
+    pub(crate) fn carry_rotations(&mut self) -> Result<(), LinalgError> {
         let Self { cells, roles, factor, carried, scratch, times, .. } = self;
         let start = Instant::now();
         let turned = match carried {
@@ -71,7 +71,7 @@ impl Edit {
     }
 
     /// Rotations that depend on the pose alone.
-    pub(super) fn start_rotations(&mut self) {
+    pub(crate) fn start_rotations(&mut self) {
         let Self { cells, roles, smoother, scratch, times, .. } = self;
         let start = Instant::now();
         fit_rotations(cells, roles, &scratch.pose, &mut scratch.rotations);
@@ -82,7 +82,7 @@ impl Edit {
     }
 
     /// The local step, from the current rotations where these are smoothed.
-    pub(super) fn fit_rotations(&mut self) {
+    pub(crate) fn fit_rotations(&mut self) {
         let Self { cells, roles, smoother, scratch, times, .. } = self;
         let start = Instant::now();
         match smoother {
@@ -92,7 +92,7 @@ impl Edit {
         times.local += start.elapsed();
     }
 
-    pub(super) fn global_step(&mut self) -> Result<(), LinalgError> {
+    pub(crate) fn global_step(&mut self) -> Result<(), LinalgError> {
         let Self { cells, roles, factor, scratch, times, .. } = self;
         let Scratch { pose, draws, rotations, rhs, .. } = scratch;
         let start = Instant::now();
@@ -102,7 +102,7 @@ impl Edit {
     }
 
     /// Notes the global step just done, and goes where the steps so far seem to lead.
-    pub(super) fn accelerate(&mut self) {
+    pub(crate) fn accelerate(&mut self) {
         let Self { roles, anderson, scratch, .. } = self;
         let Some(anderson) = anderson else { return };
         let Scratch { pose, rhs, .. } = scratch;
@@ -119,7 +119,7 @@ impl Edit {
     }
 
     /// The energy of the current pose with its best rotations.
-    pub(super) fn settled_energy(&mut self, multiplicity: f64) -> f64 {
+    pub(crate) fn settled_energy(&mut self, multiplicity: f64) -> f64 {
         self.start_rotations();
         let mut energy = self.current_energy(multiplicity);
         if self.smoother.is_some() {
@@ -135,7 +135,7 @@ impl Edit {
     }
 
     /// The current energy, after a local step. If it has risen above `last` by an acceleration, that is taken back.
-    pub(super) fn safe_energy(&mut self, last: f64, multiplicity: f64) -> f64 {
+    pub(crate) fn safe_energy(&mut self, last: f64, multiplicity: f64) -> f64 {
         let now = self.current_energy(multiplicity);
         if (now > last || now.is_nan()) && self.go_back() {
             self.fit_rotations();
@@ -145,7 +145,7 @@ impl Edit {
     }
 
     /// Takes back an acceleration; whether there was one.
-    pub(super) fn go_back(&mut self) -> bool {
+    pub(crate) fn go_back(&mut self) -> bool {
         let Self { roles, anderson, smoother, scratch, .. } = self;
         let Some(anderson) = anderson.as_mut().filter(|anderson| anderson.has_mixed()) else { return false };
         for (&slot, &end) in roles.unknowns.as_slice().iter().zip(anderson.end()) {
@@ -160,12 +160,12 @@ impl Edit {
     }
 
     /// Largest distance from a hard row's point to its target, in the frame; only where there are such rows.
-    pub(super) fn unmet(&self) -> Option<f64> {
+    pub(crate) fn unmet(&self) -> Option<f64> {
         self.roles.rows.unmet(&self.scratch.draws, &self.scratch.pose)
     }
 
     /// The energy of the current pose and rotations, in the frame.
-    pub(super) fn current_energy(&mut self, multiplicity: f64) -> f64 {
+    pub(crate) fn current_energy(&mut self, multiplicity: f64) -> f64 {
         let Self { cells, roles, smoother, terms, rest, scratch, .. } = self;
         let Scratch { pose, draws, rotations, energy: partial, .. } = scratch;
         let smooth = smoother.as_ref().map_or(0.0, |smoother| smoother.energy(cells, roles, rotations));

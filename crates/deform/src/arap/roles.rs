@@ -10,27 +10,27 @@ use crate::patch::soft_weight;
 use crate::{Constraint, Region, Role};
 
 /// Who of the region is solved for, and what holds them.
-pub(super) struct Roles {
+pub(crate) struct Roles {
     /// Slots that are solved for: free and in soft handles.
-    pub(super) unknowns: Slots,
+    pub(crate) unknowns: Slots,
     /// Slots that have a rotation: unknown or next to one.
-    pub(super) fitted: Slots,
+    pub(crate) fitted: Slots,
     /// Slots that equations look at but that are not solved for; the first `rim` ones have a rotation.
-    pub(super) held: Vec<u32>,
-    pub(super) rim: usize,
+    pub(crate) held: Vec<u32>,
+    pub(crate) rim: usize,
     /// Unknowns in soft handles.
-    pub(super) springs: Vec<Spring>,
+    pub(crate) springs: Vec<Spring>,
     /// Points that are no vertices.
-    pub(super) rows: Rows,
+    pub(crate) rows: Rows,
     /// Vertices in hard handles.
-    pub(super) led: Vec<Led>,
+    pub(crate) led: Vec<Led>,
     /// Of the matrix without rows, by slot of the region.
-    pub(super) diagonal: Vec<f64>,
+    pub(crate) diagonal: Vec<f64>,
 }
 
 /// Some slots, increasing, with a list for each [`CHUNK`] of all slots.
 #[derive(Default)]
-pub(super) struct Slots {
+pub(crate) struct Slots {
     list: Vec<u32>,
     /// Where the list of each chunk begins, and the end of the last.
     starts: Vec<u32>,
@@ -38,25 +38,25 @@ pub(super) struct Slots {
 }
 
 /// An unknown drawn to a goal.
-pub(super) struct Spring {
-    pub(super) slot: u32,
-    pub(super) handle: u32,
+pub(crate) struct Spring {
+    pub(crate) slot: u32,
+    pub(crate) handle: u32,
     /// What it adds to the matrix's diagonal.
-    pub(super) stiffness: f64,
+    pub(crate) stiffness: f64,
     /// How much its goal counts where a hard one counts 1.
-    pub(super) grip: f64,
+    pub(crate) grip: f64,
     /// In world units.
-    pub(super) rest: DVec3,
+    pub(crate) rest: DVec3,
 }
 
 /// A vertex of a hard handle.
-pub(super) struct Led {
-    pub(super) vertex: u32,
-    pub(super) handle: u32,
+pub(crate) struct Led {
+    pub(crate) vertex: u32,
+    pub(crate) handle: u32,
     /// Its place among those held, [`NONE`] if no equation looks at it.
-    pub(super) held: u32,
+    pub(crate) held: u32,
     /// In world units.
-    pub(super) rest: DVec3,
+    pub(crate) rest: DVec3,
 }
 
 impl Slots {
@@ -71,24 +71,30 @@ impl Slots {
         Self { list, starts, member }
     }
 
-    pub(super) fn as_slice(&self) -> &[u32] {
+    pub(crate) fn as_slice(&self) -> &[u32] {
         &self.list
     }
 
     /// Those in `chunk * CHUNK..(chunk + 1) * CHUNK`.
     #[inline(always)]
-    pub(super) fn in_chunk(&self, chunk: usize) -> &[u32] {
+    pub(crate) fn in_chunk(&self, chunk: usize) -> &[u32] {
         &self.list[self.starts[chunk] as usize..self.starts[chunk + 1] as usize]
     }
 
-    pub(super) fn contains(&self, slot: usize) -> bool {
+    pub(crate) fn contains(&self, slot: usize) -> bool {
         self.member[slot]
+    }
+
+    /// As [`Self::contains`], for any slot.
+    #[inline(always)]
+    pub(crate) fn has(&self, slot: usize) -> bool {
+        self.member.get(slot) == Some(&true)
     }
 }
 
 impl Roles {
     /// `region` has the region of interest that `cells` was made for.
-    pub(super) fn new(shape: &Shape, cells: &Cells, region: &Region) -> Self {
+    pub(crate) fn new(shape: &Shape, cells: &Cells, region: &Region) -> Self {
         let roi = &cells.vertices[..cells.roi];
         let unknown: Vec<bool> = roi.iter().map(|&v| region.is_unknown(v as usize)).collect();
         let mut fitted = vec![false; cells.cells];

@@ -41,15 +41,15 @@ const SURE: f64 = 1e-2;
 const MOST_PRODUCTS: usize = 1 << 30;
 
 /// The rows of a region, on the slots that are solved for.
-pub(super) struct Rows {
-    pub(super) list: Vec<Tie>,
+pub(crate) struct Rows {
+    pub(crate) list: Vec<Tie>,
     /// Slots and weights, row by row.
     entries: Vec<(u32, f64)>,
     hard: bool,
 }
 
 /// One row.
-pub(super) struct Tie {
+pub(crate) struct Tie {
     handle: u32,
     is_hard: bool,
     /// Where its entries end.
@@ -62,9 +62,9 @@ pub(super) struct Tie {
 
 /// What springs and rows are drawn to in a solve, and with which forces; in the frame.
 #[derive(Default)]
-pub(super) struct Draws {
+pub(crate) struct Draws {
     /// Goals of the springs.
-    pub(super) springs: Vec<Row>,
+    pub(crate) springs: Vec<Row>,
     /// Targets, less what is not solved for.
     targets: Vec<Row>,
     /// `f` by slot of the region; only with hard rows, as the next.
@@ -76,7 +76,7 @@ pub(super) struct Draws {
 
 impl Rows {
     /// `diagonal` is that of the Laplacian by slot of the region, `mean` its mean over the slots that are solved for.
-    pub(super) fn new(cells: &Cells, region: &Region, diagonal: &[f64], mean: f64) -> Self {
+    pub(crate) fn new(cells: &Cells, region: &Region, diagonal: &[f64], mean: f64) -> Self {
         let slot = slots(cells, region);
         let mut rows = Self { list: Vec::new(), entries: Vec::new(), hard: false };
         for (handle, constraint, _, row) in region.rows() {
@@ -108,18 +108,18 @@ impl Rows {
     }
 
     /// Targets as incoming points and goals, with how much each counts.
-    pub(super) fn pairs<'a>(&'a self, draws: &'a Draws) -> impl Iterator<Item = (DVec3, DVec3, f64)> + Clone + 'a {
+    pub(crate) fn pairs<'a>(&'a self, draws: &'a Draws) -> impl Iterator<Item = (DVec3, DVec3, f64)> + Clone + 'a {
         self.list.iter().zip(&draws.ends).map(|(tie, &[from, to])| (from, to, tie.grip))
     }
 
     /// What soft rows add to the energy, per unit of multiplicity.
-    pub(super) fn energy(&self, draws: &Draws, pose: &[Row]) -> f64 {
+    pub(crate) fn energy(&self, draws: &Draws, pose: &[Row]) -> f64 {
         let missed = self.missed(draws, pose).filter(|(tie, ..)| !tie.is_hard);
         missed.map(|(tie, _, miss)| tie.stiffness * point(miss).length_squared()).sum()
     }
 
     /// Largest distance of a hard row's point from its target, in the frame; `None` without hard rows.
-    pub(super) fn unmet(&self, draws: &Draws, pose: &[Row]) -> Option<f64> {
+    pub(crate) fn unmet(&self, draws: &Draws, pose: &[Row]) -> Option<f64> {
         let misses = self.missed(draws, pose).filter(|(tie, ..)| tie.is_hard).map(|(.., miss)| point(miss).length());
         self.hard.then(|| misses.fold(0.0, f64::max))
     }
@@ -140,7 +140,7 @@ impl Rows {
     }
 
     /// Adds the forces on the slots to the right-hand sides of the unknowns.
-    pub(super) fn pull(&self, draws: &Draws, pose: &[Row], unknowns: &[u32], rhs: &mut [[f64; 3]]) {
+    pub(crate) fn pull(&self, draws: &Draws, pose: &[Row], unknowns: &[u32], rhs: &mut [[f64; 3]]) {
         for (tie, entries, miss) in self.missed(draws, pose) {
             spread(entries, tie.stiffness, miss, rhs);
         }
@@ -154,7 +154,7 @@ impl Rows {
     }
 
     /// Moves the unknowns until nothing is missing from hard rows, with `moved` the way they go on from a solve.
-    pub(super) fn meet(
+    pub(crate) fn meet(
         &self,
         draws: &mut Draws,
         factor: &mut Cholesky,
@@ -205,7 +205,7 @@ impl Rows {
     }
 
     /// What has to be added to the diagonal, by slot: see [`STAY`].
-    pub(super) fn steady(&self, shape: &Shape, cells: &Cells, region: &Region, mean: f64, diagonal: &mut [f64]) {
+    pub(crate) fn steady(&self, shape: &Shape, cells: &Cells, region: &Region, mean: f64, diagonal: &mut [f64]) {
         if self.list.is_empty() {
             return;
         }
@@ -258,7 +258,7 @@ fn components(cells: &Cells, sure: &[bool]) -> Vec<u32> {
 }
 
 impl Draws {
-    pub(super) fn new(cells: &Cells, roles: &Roles) -> Self {
+    pub(crate) fn new(cells: &Cells, roles: &Roles) -> Self {
         let rows = &roles.rows;
         let forces = if rows.hard { vec![[0.0; 3]; cells.roi] } else { Vec::new() };
         let count = rows.list.len();
@@ -268,7 +268,7 @@ impl Draws {
     }
 
     /// Brings targets of rows into the frame, and forgets the forces.
-    pub(super) fn read(
+    pub(crate) fn read(
         &mut self,
         frame: &Frame,
         region: &Region,
@@ -299,7 +299,7 @@ impl Draws {
     }
 
     /// Draws each row to `turn` of its handle, for the rotation vectors of its vertices.
-    pub(super) fn read_turns(&mut self, rows: &Rows, turn: impl Fn(u32) -> DVec3) {
+    pub(crate) fn read_turns(&mut self, rows: &Rows, turn: impl Fn(u32) -> DVec3) {
         self.forces.fill([0.0; 3]);
         for ((tie, entries), target) in rows.iter().zip(&mut self.targets) {
             *target = row(turn(tie.handle) * sum(entries));
@@ -328,14 +328,14 @@ fn slots(cells: &Cells, region: &Region) -> Vec<u32> {
 }
 
 /// Where the matrix of a region has entries, whatever the roles: those of the Laplacian, and of each pair of vertices in one row.
-pub(super) struct Places {
+pub(crate) struct Places {
     /// Upper triangle by columns, as [`SpdPattern::of_columns`] has it; empty without rows.
     col_ptr: Vec<u32>,
     row_idx: Vec<u32>,
 }
 
 impl Places {
-    pub(super) fn new(cells: &Cells, region: &Region) -> Result<(Self, SpdPattern), LinalgError> {
+    pub(crate) fn new(cells: &Cells, region: &Region) -> Result<(Self, SpdPattern), LinalgError> {
         let mut places = Self { col_ptr: Vec::new(), row_idx: Vec::new() };
         if region.row_count() == 0 {
             return Ok((places, cells.pattern()?));
@@ -375,7 +375,7 @@ impl Places {
     }
 
     /// The entries in the order of the pattern; `diagonal` has those of the Laplacian and its springs.
-    pub(super) fn values<'a>(&self, cells: &'a Cells, rows: &Rows, diagonal: &'a [f64]) -> Vec<f64> {
+    pub(crate) fn values<'a>(&self, cells: &'a Cells, rows: &Rows, diagonal: &'a [f64]) -> Vec<f64> {
         let laplacian = cells.laplacian(diagonal);
         if self.col_ptr.is_empty() {
             return laplacian.collect();

@@ -9,24 +9,24 @@ use crate::frame::Frame;
 use crate::operators::{FaceWeights, edge_sums, edge_weights};
 
 /// A rest shape with weights.
-pub(super) struct Shape {
+pub(crate) struct Shape {
     /// In world units.
-    pub(super) rest: TriMesh,
-    pub(super) frame: Frame,
+    pub(crate) rest: TriMesh,
+    pub(crate) frame: Frame,
     /// Rest positions in the frame.
-    pub(super) inner: Vec<DVec3>,
+    pub(crate) inner: Vec<DVec3>,
     /// Weight of each edge in the Laplacian.
-    pub(super) edges: Vec<f64>,
+    pub(crate) edges: Vec<f64>,
     /// Weights within faces, if cells have rims.
-    pub(super) faces: Option<FaceWeights>,
+    pub(crate) faces: Option<FaceWeights>,
     /// Weights that had to be changed.
-    pub(super) clamped: usize,
+    pub(crate) clamped: usize,
     /// `2 alpha A` of smooth rotations, in the frame; 0 if rotations are not smoothed.
-    pub(super) smoothing: f64,
+    pub(crate) smoothing: f64,
 }
 
 impl Shape {
-    pub(super) fn new(options: &ArapOptions, rest: &TriMesh) -> Result<Self, DeformError> {
+    pub(crate) fn new(options: &ArapOptions, rest: &TriMesh) -> Result<Self, DeformError> {
         let frame = Frame::of(rest);
         let inner = rest.with_positions(rest.positions.iter().map(|&p| frame.enter(p)).collect())?;
         let (edges, faces, clamped) = match options.energy {
@@ -45,12 +45,12 @@ impl Shape {
         Ok(Self { rest: rest.clone(), frame, inner: inner.positions, edges, faces, clamped, smoothing })
     }
 
-    pub(super) fn topology(&self) -> &Topology {
+    pub(crate) fn topology(&self) -> &Topology {
         self.rest.topology()
     }
 
     /// In how many cells each share of an edge's weight is counted: both ends, or the three corners of a face.
-    pub(super) fn multiplicity(&self) -> f64 {
+    pub(crate) fn multiplicity(&self) -> f64 {
         if self.faces.is_none() { 2.0 } else { 3.0 }
     }
 }

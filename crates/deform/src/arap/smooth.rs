@@ -18,7 +18,7 @@ use super::roles::Roles;
 use super::steps::{Columns, Row, add, covariance, padded};
 
 /// The fitted cells by colour, and room for their rotations.
-pub(super) struct Smoother {
+pub(crate) struct Smoother {
     colours: Vec<Vec<u32>>,
     /// Of the cells of one colour.
     fits: Vec<Columns>,
@@ -27,7 +27,7 @@ pub(super) struct Smoother {
 }
 
 impl Smoother {
-    pub(super) fn new(cells: &Cells, roles: &Roles) -> Self {
+    pub(crate) fn new(cells: &Cells, roles: &Roles) -> Self {
         let mut colours: Vec<Vec<u32>> = Vec::new();
         const NONE: usize = usize::MAX;
         let mut colour_of = vec![NONE; cells.cells];
@@ -53,12 +53,12 @@ impl Smoother {
     }
 
     #[cfg(test)]
-    pub(super) fn colours(&self) -> &[Vec<u32>] {
+    pub(crate) fn colours(&self) -> &[Vec<u32>] {
         &self.colours
     }
 
     /// Fits every cell once, to `pose` and to its neighbours.
-    pub(super) fn sweep(&mut self, cells: &Cells, roles: &Roles, pose: &[Row], rotations: &mut [Columns]) {
+    pub(crate) fn sweep(&mut self, cells: &Cells, roles: &Roles, pose: &[Row], rotations: &mut [Columns]) {
         self.before.copy_from_slice(rotations);
         for slots in &self.colours {
             let fits = &mut self.fits[..slots.len()];
@@ -74,12 +74,12 @@ impl Smoother {
     }
 
     /// Takes back the last sweep.
-    pub(super) fn undo(&self, rotations: &mut [Columns]) {
+    pub(crate) fn undo(&self, rotations: &mut [Columns]) {
         rotations.copy_from_slice(&self.before);
     }
 
     /// What the differences of rotations add to the energy.
-    pub(super) fn energy(&self, cells: &Cells, roles: &Roles, rotations: &[Columns]) -> f64 {
+    pub(crate) fn energy(&self, cells: &Cells, roles: &Roles, rotations: &[Columns]) -> f64 {
         let of_cell = |&slot: &u32| -> f64 {
             let own = rotations[slot as usize];
             let square = |other: &Columns| -> f64 {

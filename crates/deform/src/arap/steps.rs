@@ -12,24 +12,24 @@ use super::roles::{Roles, Spring};
 use super::rows::Draws;
 
 /// Terms whose energy is summed in one go; fixed, so that the sum does not depend on the number of threads.
-pub(super) const ENERGY_CHUNK: usize = 2048;
+pub(crate) const ENERGY_CHUNK: usize = 2048;
 
 /// A point, padded to the width of a register by a 0.
-pub(super) type Row = [f64; 4];
+pub(crate) type Row = [f64; 4];
 
 /// A matrix by columns.
-pub(super) type Columns = [Row; 3];
+pub(crate) type Columns = [Row; 3];
 
-pub(super) fn row(p: DVec3) -> Row {
+pub(crate) fn row(p: DVec3) -> Row {
     [p.x, p.y, p.z, 0.0]
 }
 
-pub(super) fn point([x, y, z, _]: Row) -> DVec3 {
+pub(crate) fn point([x, y, z, _]: Row) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
 /// The local step: for each cell the rotation that best takes its rest edges to those of `pose`.
-pub(super) fn fit_rotations(cells: &Cells, roles: &Roles, pose: &[Row], rotations: &mut [Columns]) {
+pub(crate) fn fit_rotations(cells: &Cells, roles: &Roles, pose: &[Row], rotations: &mut [Columns]) {
     for_each_chunk(rotations, |chunk, rotations| {
         let slots = roles.fitted.in_chunk(chunk);
         Arch::new().dispatch(FitCells { cells, slots, first: chunk * CHUNK, pose, rotations });
@@ -66,7 +66,7 @@ impl WithSimd for FitCells<'_> {
 
 /// `S_i` of a cell, by columns.
 #[inline(always)]
-pub(super) fn covariance(cells: &Cells, i: usize, pose: &[Row]) -> Columns {
+pub(crate) fn covariance(cells: &Cells, i: usize, pose: &[Row]) -> Columns {
     let centre = pose[i];
     let mut s = Columns::default();
     for (&j, c) in cells.neighbours(i).iter().zip(cells.covariance(i)) {
@@ -79,18 +79,18 @@ pub(super) fn covariance(cells: &Cells, i: usize, pose: &[Row]) -> Columns {
 }
 
 #[inline(always)]
-pub(super) fn padded(columns: [[f64; 3]; 3]) -> Columns {
+pub(crate) fn padded(columns: [[f64; 3]; 3]) -> Columns {
     columns.map(|[x, y, z]| [x, y, z, 0.0])
 }
 
 #[inline(always)]
-pub(super) fn subtract(a: Row, b: Row) -> Row {
+pub(crate) fn subtract(a: Row, b: Row) -> Row {
     std::array::from_fn(|l| a[l] - b[l])
 }
 
 /// `sum += factor * x`.
 #[inline(always)]
-pub(super) fn add(sum: &mut Row, x: Row, factor: f64) {
+pub(crate) fn add(sum: &mut Row, x: Row, factor: f64) {
     for (sum, x) in sum.iter_mut().zip(x) {
         *sum += factor * x;
     }
@@ -101,7 +101,7 @@ pub(super) fn add(sum: &mut Row, x: Row, factor: f64) {
 /// Solves for the change, `A dx = b - A x`: the residual is formed edge by edge from differences of positions, so a
 /// pose that already is the solution stays, to rounding, wherever it lies and however ill-conditioned `A` is.
 /// `rhs` has a place for each slot of the region; it is left with how far each unknown was moved.
-pub(super) fn move_unknowns(
+pub(crate) fn move_unknowns(
     cells: &Cells,
     roles: &Roles,
     factor: &mut Cholesky,
@@ -171,7 +171,7 @@ impl WithSimd for Residuals<'_> {
 /// The energy of `pose` with the given rotations, without the springs.
 ///
 /// `partial` has one place per [`ENERGY_CHUNK`] terms.
-pub(super) fn energy(
+pub(crate) fn energy(
     terms: &[Term],
     roles: &Roles,
     rest: &[DVec3],
@@ -197,7 +197,7 @@ pub(super) fn energy(
 }
 
 /// What springs add to the energy, per unit of multiplicity.
-pub(super) fn spring_energy(springs: &[Spring], draws: &[Row], pose: &[Row]) -> f64 {
+pub(crate) fn spring_energy(springs: &[Spring], draws: &[Row], pose: &[Row]) -> f64 {
     let stretched = |(spring, &goal): (&Spring, &Row)| {
         spring.stiffness * point(subtract(pose[spring.slot as usize], goal)).length_squared()
     };
