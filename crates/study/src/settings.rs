@@ -108,7 +108,7 @@ pub struct Schedule {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StartFrom {
-    /// The answer of coarser cages where the goals are far ([`Levels`]), else the pose as it is. Without a cage always the pose.
+    /// The answer of coarser cages where the goals are far ([`Levels`](pliant_session::Levels)), else the pose as it is. Without a cage always the pose.
     #[default]
     Levels,
     /// The pose as it is, as Borosan et al. 2010 do.

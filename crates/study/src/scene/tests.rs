@@ -488,24 +488,6 @@ fn files_are_found_by_name_and_refused_when_too_large() {
     assert!(error.starts_with(name) && error.contains("at most 1048576 bytes"), "{error}");
 }
 
-/// A method stands in a scene as it is typed, and survives the way to JSON and back; a wrong one is refused with its place and the valid ones.
-#[test]
-fn scenes_keep_their_method() {
-    let plain = Scene::builtin("creature").expect("built in");
-    assert!(plain.method.is_none() && !plain.to_json().expect("finite").contains("method"));
-    for text in ["arap:uniform+spokes", "laplacian:two-step", "implicit:rings=1", "dual", "rotation-invariant:edges"] {
-        let scene = Scene { method: Some(text.parse().expect("a method")), ..plain.clone() };
-        let json = scene.to_json().expect("finite");
-        assert!(json.contains(&format!("\"method\": \"{text}\"")), "{json}");
-        assert_eq!(Scene::parse(json.as_bytes(), "scene.json").expect("read back"), scene);
-    }
-    let json = plain.to_json().expect("finite").replacen('{', "{ \"method\": \"magic\",", 1);
-    let error = Scene::parse(json.as_bytes(), "scene.json").expect_err("no method").to_string();
-    for word in ["scene.json:1", "magic", "rotation-invariant"] {
-        assert!(error.contains(word), "{error}");
-    }
-}
-
 #[test]
 fn classic_scenes_are_built_in_and_have_a_shape() {
     for name in Scene::classic_names() {
