@@ -416,7 +416,7 @@ fn bad_points_are_named() {
     let nothing = Handle::of_points(PointRows::new(), Constraint::Hard);
     let empty = DeformError::Handle { handle: 0, fault: HandleFault::Empty };
     assert_eq!(Region::new(n, &all, &[nothing]), Err(empty));
-    let weightless = Handle::of_points(rows(&[fine.clone()]), Constraint::Soft(0.0));
+    let weightless = Handle::of_points(rows(std::slice::from_ref(&fine)), Constraint::Soft(0.0));
     assert!(Region::new(n, &all, &[weightless]).is_err());
 
     let region = everywhere(&mesh, &[Handle::of_points(rows(&[fine]), Constraint::Hard)]);
