@@ -67,7 +67,7 @@ struct State {
 impl Refiner {
     /// Makes ready to refine poses of `rest` in `region`.
     ///
-    /// Takes about 1.5 us a vertex with the multigrid solver, and some 250 bytes a vertex for what steps teach.
+    /// Takes about 2 us a vertex with the multigrid solver, and some 250 bytes a vertex for what steps teach.
     ///
     /// # Errors
     /// As [`crate::Method::prepare`].
