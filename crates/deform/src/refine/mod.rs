@@ -8,6 +8,11 @@
 //! 3. what the last steps taught about the energy's curvature (L-BFGS; Liu, Bouaziz, Kavan 2017, *Quasi-Newton Methods for Real-Time
 //!    Simulation of Hyperelastic Materials*), which the matrix is only a bound of;
 //! 4. the local step, which tells the energy. A step that would raise it is not taken.
+//!
+//! From the preview on a cage of 5 %, 8 to 30 steps reach 1.05 times the converged energy and error, in 3 to 8 % of the time of the direct
+//! solve from rest, preparation of both included (models of 10,000 to 100,000 vertices, `cargo bench --bench refine`). Steps in the
+//! subspace of the cage lower the energy less than full ones, which cost the same; they save one or two of them, but setting up
+//! `W^T L W` takes as long as several.
 
 mod inverse;
 mod local;
@@ -26,9 +31,9 @@ pub use refiner::Refiner;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GlobalSolver {
-    /// Exactly, by a factor.
+    /// Exactly, by a factor: fewer steps, but more time and memory to prepare the larger the region is.
     Factor,
-    /// Nearly, by one multigrid cycle.
+    /// Nearly, by one multigrid cycle: prepared in linear time, on a chain of levels, for regions of a million vertices too.
     #[default]
     Multigrid,
 }

@@ -7,14 +7,11 @@ use crate::{Cholesky, LinalgError, SparseRows};
 use coarsen::coarsen;
 use csr::{Csr, Row};
 
-/// Levels with no more unknowns than this are solved by a factor.
+/// Levels with no more unknowns than this are solved by a factor; so is one that cannot be made coarser, as its unknowns are hardly coupled.
 const COARSEST: usize = 600;
 
 /// A level must have at most this share of the unknowns of the one above it, or no more are made.
 const LEAST_COARSENING: f64 = 0.7;
-
-/// A factor of a level that could not be made coarse enough has at most so many unknowns.
-const LARGEST_FACTOR: usize = 20_000;
 
 /// Share of the spectrum, from its upper end down, that smoothing damps: what remains is the coarser level's.
 const SMOOTHED: f64 = 6.0;
@@ -59,7 +56,7 @@ impl Multigrid {
     ///
     /// # Errors
     /// [`LinalgError::WrongCount`] if it is not square, [`LinalgError::EntryNotFinite`], [`LinalgError::NotPositiveDefinite`] for a row
-    /// without a positive diagonal or a coarsest level that is singular, and [`LinalgError::TooLarge`] for one that cannot be made coarser.
+    /// without a positive diagonal or a coarsest level that is singular, and [`LinalgError::TooLarge`].
     pub fn new(matrix: &SparseRows) -> Result<Self, LinalgError> {
         let unknowns = matrix.row_count();
         if matrix.column_count() != unknowns {
@@ -149,9 +146,6 @@ impl Multigrid {
 
 fn factor(matrix: &SparseRows) -> Result<(Option<Cholesky>, Vec<[f64; 3]>), LinalgError> {
     let n = matrix.row_count();
-    if n > LARGEST_FACTOR {
-        return Err(LinalgError::TooLarge { unknowns: n, entries: matrix.values().len() });
-    }
     let factor = if n == 0 { None } else { Some(Cholesky::of_rows(matrix)?) };
     Ok((factor, vec![[0.0; 3]; n]))
 }

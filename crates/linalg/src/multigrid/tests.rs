@@ -106,6 +106,22 @@ fn what_cannot_be_set_up_is_refused() {
     assert!(none.apply(&[[0.0; 4]], &mut []).is_err());
 }
 
+/// Unknowns without couplings cannot be put together, and need not be.
+#[test]
+fn a_diagonal_is_inverted() {
+    let n = 30_000;
+    let mut rows = SparseRows::new(n);
+    for i in 0..n as u32 {
+        rows.push_row([(i, 1.0 + f64::from(i % 7))]).expect("within");
+    }
+    let (r, mut z) = (noise(n, 3), vec![[0.0; 4]; n]);
+    Multigrid::new(&rows).expect("definite").apply(&r, &mut z).expect("finite");
+    for (i, (r, z)) in r.iter().zip(&z).enumerate() {
+        let d = 1.0 + (i % 7) as f32;
+        assert!(r.iter().zip(z).all(|(r, z)| (r - d * z).abs() <= 1e-6));
+    }
+}
+
 /// Products against sums over all triples.
 #[test]
 fn a_galerkin_product_is_what_it_says() {
