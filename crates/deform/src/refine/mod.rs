@@ -9,10 +9,9 @@
 //!    Simulation of Hyperelastic Materials*), which the matrix is only a bound of;
 //! 4. the local step, which tells the energy. A step that would raise it is not taken.
 //!
-//! From the preview on a cage of 5 %, 8 to 30 steps reach 1.05 times the converged energy and error, in 3 to 8 % of the time of the direct
-//! solve from rest, preparation of both included (models of 10,000 to 100,000 vertices, `cargo bench --bench refine`). Steps in the
-//! subspace of the cage lower the energy less than full ones, which cost the same; they save one or two of them, but setting up
-//! `W^T L W` takes as long as several.
+//! From the preview on a cage of 5 %, 1.05 times the converged energy and error took 2 to 8 % of the time of the direct solve from rest,
+//! preparation of both included, on the models of `cargo bench --bench refine`. Steps in the subspace of the cage saved a few full steps
+//! at most, while setting up `W^T L W` took as long as several: they seldom paid.
 
 mod inverse;
 mod local;
