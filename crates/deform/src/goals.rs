@@ -48,6 +48,13 @@ impl Goals {
         Self { transforms, points, ..Self::default() }
     }
 
+    /// Takes over the transforms and turns of `other`, in the memory there is, and no points.
+    pub fn copy_transforms(&mut self, other: &Self) {
+        self.transforms.clone_from(&other.transforms);
+        self.turns.clone_from(&other.turns);
+        self.points.clear();
+    }
+
     /// Goals that leave `handles` handles at rest.
     pub fn identity(handles: usize) -> Self {
         Self::new(vec![Similarity::IDENTITY; handles])

@@ -34,6 +34,9 @@ pub enum SessionError {
     /// Something was asked for that needs handles.
     #[error("nothing is grabbed: add a handle first")]
     NothingGrabbed,
+    /// There is no step to refine.
+    #[error("nothing to refine: release a step first, and refine it before anything else is done")]
+    NothingToRefine,
     /// A handle cannot go to the cage: all of its vertices there belong to other handles.
     #[error("the cage of {vertices} vertices has none left for handle {handle}; a larger cage has")]
     NoRoom {

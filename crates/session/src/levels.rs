@@ -96,6 +96,7 @@ impl Levels {
             all: self.clone(),
             active: Vec::new(),
             start: Vec::new(),
+            coarse_goals: Goals::identity(0),
             propagator: Propagator::new(Propagation::Frames),
         };
         start.activate();
@@ -129,6 +130,8 @@ pub struct CoarseStart {
     /// Finest first.
     active: Vec<Active>,
     start: Vec<DVec3>,
+    /// For the levels, where handles have no points.
+    coarse_goals: Goals,
     propagator: Propagator,
 }
 
@@ -193,7 +196,8 @@ impl CoarseStart {
 
     /// Brings `self.start`, a copy of the incoming pose, near the solution.
     fn start_from_levels(&mut self, goals: &Goals, positions: &[DVec3]) -> Result<(), DeformError> {
-        let Self { region, active, start, propagator, .. } = self;
+        let Self { region, active, start, coarse_goals, propagator, .. } = self;
+        coarse_goals.copy_transforms(goals);
         for k in 0..active.len() {
             let (finer, coarser) = active.split_at_mut(k);
             let pose = finer.last().map_or(positions, |finer| &finer.from);
@@ -206,7 +210,7 @@ impl CoarseStart {
         for k in (0..active.len()).rev() {
             let (finer, coarser) = active.split_at_mut(k);
             let Active { level, deformer, from, to, .. } = &mut coarser[0];
-            deformer.solve(goals, to)?;
+            deformer.solve(coarse_goals, to)?;
             let (region, before, after) = match finer.last_mut() {
                 Some(finer) => (&finer.region, &finer.from[..], &mut finer.to[..]),
                 None => (&*region, positions, &mut start[..]),

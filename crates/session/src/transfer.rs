@@ -1,7 +1,7 @@
 //! Handles of a mesh on a coarser one.
 
 use glam::DVec3;
-use pliant_deform::{DeformError, Handle, Region, Role};
+use pliant_deform::{DeformError, Handle, PointRows, Region, Role};
 use pliant_mesh::VertexSet;
 
 /// A region on a coarser mesh.
@@ -9,7 +9,8 @@ use pliant_mesh::VertexSet;
 pub struct Carried {
     /// Its handles are those of the finer mesh, in their order.
     pub region: Region,
-    /// Handles of which no vertex is one of the coarser mesh: each holds the free vertex nearest to its middle instead.
+    /// Handles of which no vertex is one of the coarser mesh, those of points among them: each holds the free vertex nearest to its middle
+    /// instead.
     pub stand_ins: Vec<usize>,
 }
 
@@ -29,9 +30,6 @@ pub enum NoRoom {
 /// # Errors
 /// [`NoRoom`]. Linear in the vertices, and in those of the coarser mesh for each stand-in.
 pub fn carry_region(region: &Region, origin: &[u32], fine: &[DVec3], coarse: &[DVec3]) -> Result<Carried, NoRoom> {
-    if let Some(number) = region.handles().iter().position(|handle| !handle.rows.is_empty()) {
-        return Err(NoRoom::Handle(number));
-    }
     let mut roles: Vec<Role> = origin.iter().map(|&v| region.roles()[v as usize]).collect();
     let mut stand_ins = Vec::new();
     let mut held = vec![false; region.handles().len()];
@@ -41,8 +39,10 @@ pub fn carry_region(region: &Region, origin: &[u32], fine: &[DVec3], coarse: &[D
         }
     }
     for (number, handle) in region.handles().iter().enumerate().filter(|(number, _)| !held[*number]) {
-        let sum: DVec3 = handle.vertices.iter().map(|v| fine[v as usize]).sum();
-        let middle = sum / handle.vertices.len() as f64;
+        let vertices = handle.vertices.iter().map(|v| fine[v as usize]);
+        let points = handle.rows.iter().map(|row| row.iter().map(|&(v, weight)| weight * fine[v as usize]).sum());
+        let (sum, count) = vertices.chain(points).fold((DVec3::ZERO, 0), |(sum, n): (DVec3, u32), p| (sum + p, n + 1));
+        let middle = sum / f64::from(count.max(1));
         let free = (0..roles.len()).filter(|&j| roles[j] == Role::Free);
         let nearest = free.min_by(|&a, &b| {
             let distance = |j: usize| coarse[j].distance_squared(middle);
@@ -55,7 +55,11 @@ pub fn carry_region(region: &Region, origin: &[u32], fine: &[DVec3], coarse: &[D
     let with = |wanted: Role| VertexSet::where_true(roles.len(), |j| roles[j as usize] == wanted);
     let handles: Vec<Handle> = (0..)
         .zip(region.handles())
-        .map(|(number, handle)| Handle { vertices: with(Role::Handle(number)), ..handle.clone() })
+        .map(|(number, handle)| Handle {
+            vertices: with(Role::Handle(number)),
+            rows: PointRows::new(),
+            constraint: handle.constraint,
+        })
         .collect();
     let roi = VertexSet::where_true(roles.len(), |j| roles[j as usize] != Role::Fixed);
     let region = Region::new(roles.len(), &roi, &handles).map_err(NoRoom::Region)?;

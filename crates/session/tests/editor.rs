@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use glam::DVec3;
 use pliant_cage::{CageSize, SavedCage};
-use pliant_deform::Constraint;
+use pliant_deform::arap::Arap;
+use pliant_deform::{Acceleration, ArapOptions, Constraint, Deformer, Goals, Handle, Region};
 use pliant_mesh::{Silent, Similarity, TriMesh, VertexSet, shapes};
 use pliant_session::{Autosave, Document, Editor, EditorOptions, Grip, SessionError, SurfacePoint};
 
@@ -332,4 +333,46 @@ fn autosaves_write_what_has_changed_and_whole() {
     // Into nowhere: an error, and the editor goes on.
     assert!(Autosave::new(folder.path().join("no/where.json"), Duration::ZERO).tick(&editor, "bar").is_err());
     assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1);
+}
+
+/// Refined within steps that can be stopped anywhere, undone as one, and replayed to the same bits.
+#[test]
+fn refining_lowers_the_energy_to_that_of_a_direct_solve() {
+    let shape = bar();
+    let mut editor = open(&shape);
+    assert!(matches!(editor.refine(Duration::ZERO), Err(SessionError::NothingToRefine)));
+    editor.anchor(low(&shape)).expect("valid");
+    let handle = editor.grab(high(&shape)).expect("valid");
+    editor.drag(handle, turn()).expect("valid");
+    editor.release("bend").expect("solvable");
+    let first = editor.refine(Duration::ZERO).expect("just released");
+    assert!(first.steps == 1 && first.energy[1] < first.energy[0] && !first.settled);
+    let mut last = first;
+    while !last.settled {
+        let next = editor.refine(Duration::from_millis(5)).expect("still the last step");
+        assert!(next.energy[0] == last.energy[1] && next.energy[1] <= next.energy[0]);
+        last = next;
+    }
+    for v in where_x(&shape, |x| x > 2.8).iter().map(|v| v as usize) {
+        assert!(editor.positions()[v].distance(turn().apply(shape.positions[v])) < 1e-12);
+    }
+    // The same minimum as without a cage.
+    let n = shape.vertex_count();
+    let handles = [where_x(&shape, |x| x < -2.8), where_x(&shape, |x| x > 2.8)].map(Handle::hard);
+    let region = Region::new(n, &VertexSet::all(n), &handles).expect("valid");
+    let options = ArapOptions { acceleration: Acceleration::Anderson { window: 5 }, ..ArapOptions::converged() };
+    let mut direct = Arap::prepare(&options, &shape, &region).expect("valid");
+    let goals = Goals::new(vec![Similarity::IDENTITY, turn()]);
+    let mut pose = editor.positions().to_vec();
+    direct.solve(&goals, &mut pose).expect("solvable");
+    let minimum = direct.energy(&goals, &pose).expect("valid");
+    let refined = direct.energy(&goals, editor.positions()).expect("valid");
+    assert!(refined <= 1.01 * minimum, "{refined:e} against {minimum:e}");
+
+    let refined = bits(editor.positions());
+    let again = Editor::replay(&editor.document("bar"), shape.clone(), &Silent).expect("same mesh");
+    assert!(bits(again.positions()) == refined);
+    assert!(editor.undo() && bits(editor.positions()) == bits(&shape.positions) && editor.undo_depth() == (0, 1));
+    assert!(editor.redo() && bits(editor.positions()) == refined);
+    assert!(editor.refine(Duration::ZERO).is_err());
 }

@@ -46,9 +46,16 @@ pub struct DocumentStep {
     pub region: Option<Ranges>,
     /// The handles and where they went.
     pub handles: Vec<DocumentHandle>,
+    /// Steps it was refined by after its release ([`Editor::refine`]).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub refined: u32,
     /// Whether it is undone together with the step before.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub joined: bool,
+}
+
+fn is_zero(n: &u32) -> bool {
+    *n == 0
 }
 
 /// A handle and its goal.
@@ -115,7 +122,7 @@ impl Ranges {
 impl DocumentStep {
     pub(crate) fn new(name: &str, region: Option<&VertexSet>, handles: &[EditorHandle]) -> Self {
         let handles = handles.iter().map(DocumentHandle::of).collect();
-        Self { name: name.to_owned(), region: region.map(Ranges::of), handles, joined: false }
+        Self { name: name.to_owned(), region: region.map(Ranges::of), handles, refined: 0, joined: false }
     }
 
     /// Whether `next` goes on with the same handles, under the same name.
@@ -263,10 +270,13 @@ impl Editor {
             self.drag(id, handle.goal())?;
         }
         if step.joined {
-            self.release_on(&step.name)?
+            self.release_on(&step.name)?;
         } else {
-            self.release(&step.name)?
-        };
+            self.release(&step.name)?;
+        }
+        if step.refined > 0 {
+            self.refine_steps(step.refined)?;
+        }
         Ok(())
     }
 }

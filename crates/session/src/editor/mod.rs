@@ -2,8 +2,10 @@
 
 mod document;
 mod grip;
+mod held;
 mod options;
 mod prepared;
+mod refinement;
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -16,10 +18,12 @@ use pliant_mesh::{NormalBuffer, Progress, Similarity, TriMesh, VertexSet};
 pub use document::{Autosave, Document, DocumentHandle, DocumentStep, Ranges};
 pub use grip::{EditorHandle, Grip, SurfacePoint};
 pub use options::EditorOptions;
+pub use refinement::Refinement;
 
 use crate::history::{History, State};
 use crate::{Levels, SessionError};
 use prepared::Prepared;
+use refinement::Released;
 
 /// A cage that moves less than this share of its diagonal in a solve stands still.
 const STILL: f64 = 1e-6;
@@ -69,6 +73,8 @@ pub struct Editor {
     handles: Vec<EditorHandle>,
     next_id: u32,
     prepared: Option<Prepared>,
+    /// The step released last, if nothing else has been done since.
+    released: Option<Released>,
     history: History,
     /// One per step in the history that was not dropped with its memory, and of all before: what a document keeps.
     steps: Vec<DocumentStep>,
@@ -76,7 +82,7 @@ pub struct Editor {
 }
 
 /// Positions of the shape and of its cage.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Pose {
     pub(crate) shape: Vec<DVec3>,
     pub(crate) cage: Vec<DVec3>,
@@ -173,6 +179,7 @@ impl Editor {
             handles: Vec::new(),
             next_id: 0,
             prepared: None,
+            released: None,
             history,
             steps: Vec::new(),
             display: Display::default(),
@@ -315,7 +322,7 @@ impl Editor {
         let mut prepared = self.prepare()?;
         let made = (|| {
             let mut solves = 0;
-            prepared.set_goals(&self.handles, &self.base);
+            prepared.set_goals(&self.handles, &self.base, false);
             prepared.pose.copy_from_slice(&self.current.cage);
             let still = loop {
                 let moved = prepared.solve()?;
@@ -349,18 +356,31 @@ impl Editor {
             prepared = Prepared::new(self, None)?;
         }
         let made = (|| {
-            prepared.set_goals(&self.handles, &self.base);
+            prepared.set_goals(&self.handles, &self.base, true);
             prepared.pose.copy_from_slice(&self.base.cage);
             let (mut solves, mut still) = (0, false);
+            let mut shown = if prepared.has_rows() { self.base.clone() } else { Pose::default() };
             while !still && solves <= self.options.release_solves {
                 still = prepared.solve()? <= STILL || !self.iterates();
                 solves += 1;
+                if prepared.has_rows() && !still {
+                    // Where points go on the cage depends on its frames, which the shape shown tells.
+                    prepared.show(&self.binding, &self.base, &mut shown);
+                }
             }
             let snapped = prepared.show(&self.binding, &self.base, &mut self.current);
             let changed = prepared.changed.clone();
             Ok(Update { changed, solves, still, snapped, elapsed: begun.elapsed() })
         })();
         if made.is_ok() {
+            let refinable = held::on_shape(self).ok();
+            self.released = refinable.map(|(region, goals)| Released {
+                began: self.base.clone(),
+                region,
+                goals,
+                refining: None,
+                energy: 0.0,
+            });
             self.note(name);
         }
         self.prepared = made.is_err().then_some(prepared);
@@ -378,6 +398,7 @@ impl Editor {
         if let [.., before, last] = &self.steps[..done]
             && before.is_continued_by(last)
         {
+            self.released = None;
             // Undone together; a document replays both.
             let between = self.between();
             if self.history.join_last(between.arrays())
@@ -421,7 +442,7 @@ impl Editor {
         if made.is_err() {
             (self.base, self.current, self.history, self.steps) = kept;
             (self.region, self.handles, self.next_id) = input;
-            self.prepared = None;
+            (self.prepared, self.released) = (None, None);
         }
         made
     }
@@ -445,6 +466,7 @@ impl Editor {
         if went {
             self.current.copy_from(&self.base);
             self.prepared = None;
+            self.released = None;
         }
         went
     }
@@ -504,6 +526,7 @@ impl Editor {
 
     /// The handles or the region are others now.
     fn change(&mut self) {
+        self.released = None;
         if let Some(prepared) = &mut self.prepared {
             prepared.stale = true;
         }

@@ -4,21 +4,27 @@ use std::ops::Range;
 
 use glam::DVec3;
 use pliant_cage::{Binding, Propagator};
-use pliant_deform::{Constraint, Deformer, Goals, Handle, Region};
+use pliant_deform::{Deformer, Goals};
 use pliant_mesh::{TriMesh, VertexSet};
 
-use super::{Editor, EditorHandle, Grip, Pose};
+use super::held::{Held, RowPoint, Target, on_cage, targets};
+use super::{Editor, EditorHandle, Pose};
 use crate::snap::{Fade, inner_shares};
-use crate::{CoarseStart, NoRoom, SessionError, carry_region};
+use crate::{CoarseStart, SessionError};
 
 /// Width of the strips in which a handle's last correction and the border of a region fade, in mean edges of the cage.
 const STRIP: f64 = 3.0;
 
 /// What depends on the region, the handles and where the step began, but not on the goals.
 pub(crate) struct Prepared {
-    solver: CoarseStart,
+    /// `None` if the cage has nothing to move: its part in the region is empty, or led as a whole.
+    solver: Option<CoarseStart>,
     propagator: Propagator,
+    /// The handles that the cage knows.
+    known: Vec<usize>,
     goals: Goals,
+    /// Points that the cage is held by, where it has no vertex of a handle.
+    rows: Vec<RowPoint>,
     /// The cage, and what it was before the last solve.
     pub(crate) pose: Vec<DVec3>,
     before: Vec<DVec3>,
@@ -48,54 +54,27 @@ struct Part {
     shares: Vec<f64>,
 }
 
-/// What is set on the shape.
-#[derive(Debug, Clone, Copy)]
-enum Target {
-    /// A vertex goes to the goal of itself.
-    Vertex(u32),
-    /// A corner of a point's face moves by what the point misses its goal by, over the weight of the corners that move.
-    Corner { vertex: u32, of: Corners, weight: f64 },
-}
-
-/// A point of the surface by its corners.
-#[derive(Debug, Clone, Copy)]
-struct Corners {
-    vertices: [u32; 3],
-    weights: [f64; 3],
-}
-
-impl Corners {
-    fn place(&self, positions: &[DVec3]) -> DVec3 {
-        (0..3).map(|k| self.weights[k] * positions[self.vertices[k] as usize]).sum()
-    }
-}
-
 impl Prepared {
     /// Prepares the step of an editor; `old` is what was prepared for other handles of it.
     pub(crate) fn new(editor: &Editor, old: Option<Self>) -> Result<Self, SessionError> {
         let (shape, base) = (&editor.rest, &editor.base);
-        let n = shape.vertex_count();
-        let roi = editor.region.clone().unwrap_or_else(|| VertexSet::all(n));
-        let handles = on_shape(editor)?;
-        let region = Region::new(n, &roi, &handles)?;
-        let carried = carry_region(&region, &editor.simplified.origin, &base.shape, &base.cage);
-        let carried = carried.map_err(|no_room| match no_room {
-            NoRoom::Handle(at) => {
-                SessionError::NoRoom { handle: editor.handles[at].id, vertices: editor.simplified.mesh.vertex_count() }
-            }
-            NoRoom::Region(error) => error.into(),
-        })?;
-        let (cage_region, _) = carried.region.without_unconstrained(editor.simplified.mesh.topology());
+        let roi = editor.region.clone().unwrap_or_else(|| VertexSet::all(shape.vertex_count()));
+        let Held { region, known, mut rows } = on_cage(editor, &roi)?;
         let cage = editor.simplified.mesh.with_positions(base.cage.clone())?;
+        let old = old.and_then(|old| old.solver);
         let fresh = old.is_none();
-        let solver = match old {
+        let solver = match (region, old) {
+            (None, _) => None,
             // The cage rests where it did: numbers change, patterns are kept where they can be.
-            Some(mut old) => {
-                old.solver.set_region(&cage_region)?;
-                old.solver
+            (Some(region), Some(mut solver)) => {
+                solver.set_region(&region)?;
+                Some(solver)
             }
-            None => editor.levels.prepare(&editor.options.method, &cage, &cage_region)?,
+            (Some(region), None) => Some(editor.levels.prepare(&editor.options.method, &cage, &region)?),
         };
+        for row in &mut rows {
+            row.begin(base);
+        }
         let width = STRIP * mean_edge(&cage);
         let inside = |v: u32| editor.region.as_ref().is_none_or(|region| region.contains(v));
         let part = editor.region.as_ref().map(|vertices| {
@@ -117,7 +96,9 @@ impl Prepared {
         Ok(Self {
             solver,
             propagator: Propagator::default(),
-            goals: Goals::identity(handles.len()),
+            goals: Goals::identity(known.len()),
+            known,
+            rows,
             pose: base.cage.clone(),
             before: base.cage.clone(),
             diagonal: cage.bounds().diagonal(),
@@ -132,24 +113,40 @@ impl Prepared {
         })
     }
 
-    /// Takes over the goals of the handles.
-    pub(crate) fn set_goals(&mut self, handles: &[EditorHandle], base: &Pose) {
+    /// Whether the cage is held by points, whose targets depend on the shape shown last.
+    pub(crate) fn has_rows(&self) -> bool {
+        !self.rows.is_empty()
+    }
+
+    /// Takes over the goals of the handles; with `anew` as if nothing had been shown yet.
+    pub(crate) fn set_goals(&mut self, handles: &[EditorHandle], base: &Pose, anew: bool) {
         self.goals.transforms.clear();
-        self.goals.transforms.extend(handles.iter().map(|h| h.goal));
-        for (target, &(at, kind)) in self.targets.iter_mut().zip(&self.owners) {
-            if let Target::Vertex(v) = kind {
-                *target = handles[at].goal.apply(base.shape[v as usize]);
+        self.goals.transforms.extend(self.known.iter().map(|&at| handles[at].goal));
+        for row in &mut self.rows {
+            row.goal = handles[row.handle].goal.apply(row.of.place(&base.shape));
+            if anew {
+                row.begin(base);
+            }
+        }
+        for (target, (at, kind)) in self.targets.iter_mut().zip(&mut self.owners) {
+            match kind {
+                Target::Vertex(v) => *target = handles[*at].goal.apply(base.shape[*v as usize]),
+                Target::Corner { of, goal, .. } => *goal = handles[*at].goal.apply(of.place(&base.shape)),
             }
         }
     }
 
     /// One solve from `pose`; returns how far the cage moved in it, as a share of its diagonal.
     pub(crate) fn solve(&mut self) -> Result<f64, SessionError> {
+        let Some(solver) = &mut self.solver else { return Ok(0.0) };
         self.before.copy_from_slice(&self.pose);
-        self.solver.solve(&self.goals, &mut self.pose)?;
+        self.goals.points.clear();
+        self.goals.points.extend(self.rows.iter().map(|row| row.goal - row.offset));
+        solver.solve(&self.goals, &mut self.pose)?;
         let moved = self.before.iter().zip(&self.pose).map(|(a, b)| a.distance_squared(*b)).fold(0.0, f64::max);
         Ok(moved.sqrt() / self.diagonal)
     }
+
     /// Carries the cage's motion to the shape, keeps what lies outside the region, and sets hard handles on their goals; returns by how
     /// much that moved them at most.
     pub(crate) fn show(&mut self, binding: &Binding, base: &Pose, current: &mut Pose) -> f64 {
@@ -171,80 +168,16 @@ impl Prepared {
                 }
             }
         }
+        for row in &mut self.rows {
+            row.offset = row.of.place(shape) - row.on_cage(&self.pose);
+        }
         current.cage.copy_from_slice(&self.pose);
-        for (place, &(at, kind)) in self.owners.iter().enumerate() {
-            if let Target::Corner { vertex, of, weight } = kind {
-                let goal = self.goals.transforms[at].apply(of.place(&base.shape));
-                self.targets[place] = shape[vertex as usize] + (goal - of.place(shape)) / weight;
+        for (target, (_, kind)) in self.targets.iter_mut().zip(&self.owners) {
+            if let Target::Corner { vertex, of, weight, goal } = kind {
+                *target = shape[*vertex as usize] + (*goal - of.place(shape)) / *weight;
             }
         }
         self.fade.apply(&self.targets, shape)
-    }
-}
-
-/// The handles as vertices of the shape. A point stands for a corner of its face that no other handle has.
-fn on_shape(editor: &Editor) -> Result<Vec<Handle>, SessionError> {
-    let mut taken: VertexSet = editor.handles.iter().filter_map(vertices).flat_map(VertexSet::iter).collect();
-    editor
-        .handles
-        .iter()
-        .map(|handle| {
-            let vertices = match &handle.grip {
-                Grip::Vertices(set) => set.clone(),
-                Grip::Point(point) => {
-                    let corner = point.corners(editor.rest.triangles()).into_iter().find(|v| !taken.contains(*v));
-                    let corner = corner.ok_or_else(|| SessionError::BadGrip {
-                        reason: format!("other handles hold all corners of face {}", point.face),
-                    })?;
-                    taken = taken.union(&VertexSet::from_iter([corner]));
-                    VertexSet::from_iter([corner])
-                }
-            };
-            Ok(Handle { vertices, constraint: handle.constraint })
-        })
-        .collect()
-}
-
-/// The vertices of a handle that holds vertices.
-fn vertices(handle: &EditorHandle) -> Option<&VertexSet> {
-    match &handle.grip {
-        Grip::Vertices(set) => Some(set),
-        Grip::Point(_) => None,
-    }
-}
-
-/// What hard handles set on the shape: each vertex once, those of vertex handles first.
-fn targets(editor: &Editor) -> (Vec<u32>, Vec<(usize, Target)>) {
-    let hard = || editor.handles.iter().enumerate().filter(|(_, h)| h.constraint == Constraint::Hard);
-    let mut owners: Vec<(usize, Target)> = hard()
-        .filter_map(|(at, handle)| Some((at, vertices(handle)?)))
-        .flat_map(|(at, set)| set.iter().map(move |v| (at, Target::Vertex(v))))
-        .collect();
-    let mut sources: Vec<u32> = owners.iter().map(|(_, target)| target.vertex()).collect();
-    let mut taken: VertexSet = sources.iter().copied().collect();
-    for (at, handle) in hard() {
-        let Grip::Point(point) = &handle.grip else { continue };
-        let of = Corners { vertices: editor.rest.triangles()[point.face as usize], weights: point.barycentric };
-        let free: Vec<usize> = (0..3).filter(|&k| !taken.contains(of.vertices[k])).collect();
-        let weight: f64 = free.iter().map(|&k| of.weights[k]).sum();
-        // With next to no weight left the point is held by its neighbours' handles.
-        if weight < 1e-3 {
-            continue;
-        }
-        for k in free {
-            owners.push((at, Target::Corner { vertex: of.vertices[k], of, weight }));
-            sources.push(of.vertices[k]);
-        }
-        taken = sources.iter().copied().collect();
-    }
-    (sources, owners)
-}
-
-impl Target {
-    fn vertex(&self) -> u32 {
-        match self {
-            Self::Vertex(vertex) | Self::Corner { vertex, .. } => *vertex,
-        }
     }
 }
 

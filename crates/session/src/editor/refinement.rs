@@ -1,0 +1,127 @@
+//! From what the cage says to what the shape itself would.
+
+use std::time::{Duration, Instant};
+
+use pliant_deform::{ArapOptions, DeformError, Method, RefineOptions, Refiner};
+use pliant_mesh::metrics::edge_errors;
+
+use super::{Editor, Pose};
+use crate::SessionError;
+
+/// A step that lowers the energy by less than this share of it ends a refinement.
+const SETTLED: f64 = 1e-6;
+
+/// The last released step, ready to be refined.
+pub(super) struct Refining {
+    refiner: Refiner,
+    /// Steps since it began.
+    pub(super) steps: u32,
+}
+
+/// What a refinement did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refinement {
+    /// Steps done in this call.
+    pub steps: u32,
+    /// Energy of the shape before and after, in world units ([`pliant_deform::arap::Arap::energy`]).
+    pub energy: [f64; 2],
+    /// Root mean square of relative edge length changes from where the step began to the refined shape.
+    pub rms_relative: f64,
+    /// Whether more steps would change nothing to speak of.
+    pub settled: bool,
+    /// Time taken, preparation included.
+    pub elapsed: Duration,
+}
+
+impl Editor {
+    /// Takes the step released last towards the converged as-rigid-as-possible solution on the shape itself, until the time is up or
+    /// nothing is to be gained; one step of it at least. Call it again when idle. Handles stay on their goals, and nothing moves
+    /// outside the region.
+    ///
+    /// The step is still one step to undo, and a document replays its refinement to the same bits.
+    ///
+    /// # Errors
+    /// [`SessionError::NothingToRefine`] if nothing was released since the last undo, redo or change of handles; as [`Refiner::prepare`] and
+    /// [`Refiner::step`]. Then the shape is as it was.
+    pub fn refine(&mut self, budget: Duration) -> Result<Refinement, SessionError> {
+        let begun = Instant::now();
+        self.refine_while(|_| begun.elapsed() < budget)
+    }
+
+    /// So many steps, or until nothing is to be gained.
+    pub(super) fn refine_steps(&mut self, steps: u32) -> Result<Refinement, SessionError> {
+        self.refine_while(|done| done < steps)
+    }
+
+    fn refine_while(&mut self, goes_on: impl Fn(u32) -> bool) -> Result<Refinement, SessionError> {
+        let begun = Instant::now();
+        let Some(released) = &mut self.released else { return Err(SessionError::NothingToRefine) };
+        let mut refined = self.base.clone();
+        let (mut steps, mut settled) = (0, false);
+        let energy = (|| -> Result<[f64; 2], DeformError> {
+            let continued = released.refining.is_some();
+            let refining = match &mut released.refining {
+                Some(refining) => refining,
+                empty => {
+                    let rest = self.rest.with_positions(released.began.shape.clone())?;
+                    let refiner = Refiner::prepare(&rest, &released.region, &options(&self.options.method))?;
+                    empty.insert(Refining { refiner, steps: 0 })
+                }
+            };
+            let first =
+                if continued { released.energy } else { refining.refiner.begin(&released.goals, &refined.shape)? };
+            let mut last = first;
+            loop {
+                let step = refining.refiner.step()?;
+                steps += 1;
+                refining.steps += 1;
+                last = step.energy.min(last);
+                settled = step.settled || step.relative_change < SETTLED;
+                if settled || !goes_on(steps) {
+                    break;
+                }
+            }
+            refining.refiner.positions(&mut refined.shape)?;
+            Ok([first, last])
+        })();
+        let energy = match energy {
+            Ok(energy) => energy,
+            Err(error) => {
+                released.refining = None;
+                return Err(error.into());
+            }
+        };
+        released.energy = energy[1];
+        let rms_relative = edge_errors(self.rest.topology(), &released.began.shape, &refined.shape).rms_relative;
+        let in_all = released.refining.as_ref().map_or(0, |refining| refining.steps);
+        if let Some(step) = self.steps.last_mut() {
+            step.refined = in_all;
+        }
+        self.history.push(self.base.arrays(), refined.arrays());
+        self.history.join_last(self.base.arrays());
+        self.base = refined;
+        self.current.copy_from(&self.base);
+        Ok(Refinement { steps, energy, rms_relative, settled, elapsed: begun.elapsed() })
+    }
+}
+
+/// The weights and the energy of the method that made the preview, or the default ones of a method without.
+fn options(method: &Method) -> RefineOptions {
+    match method {
+        Method::Arap(ArapOptions { weights, energy, .. }) => {
+            RefineOptions { weights: *weights, energy: *energy, ..RefineOptions::default() }
+        }
+        _ => RefineOptions::default(),
+    }
+}
+
+/// A step that was released, as far as refining it needs.
+pub(super) struct Released {
+    /// Where it began.
+    pub(super) began: Pose,
+    pub(super) region: pliant_deform::Region,
+    pub(super) goals: pliant_deform::Goals,
+    pub(super) refining: Option<Refining>,
+    /// After the last refinement.
+    pub(super) energy: f64,
+}
