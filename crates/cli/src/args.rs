@@ -100,6 +100,9 @@ pub(crate) struct EditOptions {
     /// A scene file (JSON), or the name of a built-in scene, or auto.
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
+    /// Do the steps of an editing session (JSON, as the library's `Document` saves it) instead of a scene.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "cage", "propagation", "prune", "iterations", "steps", "start", "method"])]
+    pub(crate) document: Option<PathBuf>,
     /// Size of the cage: vertices (2000), share (5%), distance (error:0.002), or none to deform the model itself.
     #[arg(long, value_name = "SIZE", default_value = "5%")]
     pub(crate) cage: SweepSize,

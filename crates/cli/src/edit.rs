@@ -1,7 +1,9 @@
-use anyhow::Result;
+use std::path::Path;
+
+use anyhow::{Context, Result};
 use pliant::{
-    BindOptions, Method, PictureOptions, Propagation, Prune, Scene, Schedule, Study, SweepRow, can_write,
-    can_write_mesh, render, timed, write, write_png,
+    BindOptions, Document, Editor, Method, PictureOptions, Propagation, Prune, Scene, Schedule, Study, SweepRow,
+    TriMesh, can_write, can_write_mesh, edge_errors, render, timed, write, write_png,
 };
 use serde::Serialize;
 
@@ -29,6 +31,10 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
     let console = Console::new(options.json);
     let model = Model::open(&options.model, &console)?;
     let outputs = std::iter::once(options.output.as_path()).chain(options.picture.as_deref());
+    if let Some(document) = &options.document {
+        model.check_outputs(outputs, document.to_str())?;
+        return replay(options, document, &model, &console);
+    }
     model.check_outputs(outputs, options.scene.as_deref())?;
     let scene = model.scene(options.scene.as_deref())?;
 
@@ -44,13 +50,7 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
     let dragged = study.drag(&caged, &method, schedule, &console)?;
     let (pose, row) = study.carry(&caged, &bound, &dragged, options.propagation, &console);
 
-    let edited = model.mesh.with_positions(pose)?;
-    timed(&console, "write", |_| write(&options.output, &edited), |()| options.output.display().to_string())?;
-    if let Some(path) = &options.picture {
-        let draw =
-            |_: &dyn pliant::Progress| anyhow::Ok(write_png(path, &render(&edited, &PictureOptions::default())?)?);
-        timed(&console, "draw", draw, |()| path.display().to_string())?;
-    }
+    write_all(options, &model.mesh.with_positions(pose)?, &console)?;
     let picture = options.picture.as_ref().map(|p| p.display().to_string());
     if options.json {
         let output = options.output.display().to_string();
@@ -73,6 +73,75 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
 /// The method that was asked for, else the scene's, else the default.
 pub(crate) fn method(asked: Option<&Method>, scene: &Scene) -> Method {
     asked.or(scene.method.as_ref()).cloned().unwrap_or_default()
+}
+
+/// The edited model, and its picture if one is wanted.
+fn write_all(options: &EditOptions, edited: &TriMesh, console: &Console) -> Result<()> {
+    timed(console, "write", |_| write(&options.output, edited), |()| options.output.display().to_string())?;
+    if let Some(path) = &options.picture {
+        let draw =
+            |_: &dyn pliant::Progress| anyhow::Ok(write_png(path, &render(edited, &PictureOptions::default())?)?);
+        timed(console, "draw", draw, |()| path.display().to_string())?;
+    }
+    Ok(())
+}
+
+/// What `pliant edit --document --json` prints.
+#[derive(Serialize)]
+struct ReplayResult {
+    /// Steps that are done at the end, by name.
+    steps: Vec<String>,
+    undone: usize,
+    vertices: usize,
+    cage_vertices: usize,
+    rms_relative: f64,
+    relative_rms: f64,
+    edge_p99: f64,
+    edge_max: f64,
+    notes: Vec<String>,
+    output: String,
+    picture: Option<String>,
+    stages: Vec<StageTime>,
+}
+
+/// Does the steps of a document.
+fn replay(options: &EditOptions, path: &Path, model: &Model, console: &Console) -> Result<()> {
+    let document = Document::load(path).with_context(|| path.display().to_string())?;
+    let done = document.steps.len().saturating_sub(document.undone);
+    let work = |progress: &dyn pliant::Progress| Editor::replay(&document, model.mesh.clone(), progress);
+    let (editor, _) = timed(console, "replay", work, |_| format!("{} steps, {} undone", done, document.undone))
+        .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))?;
+    write_all(options, &model.mesh.with_positions(editor.positions().to_vec())?, console)?;
+    let errors = edge_errors(model.mesh.topology(), &model.mesh.positions, editor.positions());
+    if options.json {
+        return print_json(&ReplayResult {
+            steps: document.steps[..done].iter().map(|step| step.name.clone()).collect(),
+            undone: document.undone,
+            vertices: model.mesh.vertex_count(),
+            cage_vertices: editor.cage_positions().len(),
+            rms_relative: errors.rms_relative,
+            relative_rms: errors.relative_rms,
+            edge_p99: errors.p99,
+            edge_max: errors.max,
+            notes: model.notes(),
+            output: options.output.display().to_string(),
+            picture: options.picture.as_ref().map(|p| p.display().to_string()),
+            stages: console.stages(),
+        });
+    }
+    for (number, step) in document.steps[..done].iter().enumerate() {
+        console.say(&format!("{}. {}", number + 1, step.name))?;
+    }
+    console.say(&format!(
+        "edge length error {:.2} % (root mean square of relative errors), {:.2} % (relative root mean square), 99 % of edges below {:.1} %",
+        1e2 * errors.rms_relative,
+        1e2 * errors.relative_rms,
+        1e2 * errors.p99
+    ))?;
+    for warning in model.notes() {
+        console.warn(&warning);
+    }
+    Ok(())
 }
 
 /// `feet (812 vertices), hand (90 vertices)`.

@@ -287,3 +287,30 @@ fn every_command_explains_itself() {
         assert!(help.contains("--json"), "{command}");
     }
 }
+
+/// A document of an editing session is done again: the file written has the editor's positions.
+#[test]
+fn edit_replays_documents() {
+    use pliant::glam::DVec3;
+    use pliant::{Editor, EditorOptions, Grip, Silent, VertexSet, creature, read};
+    let folder = tempfile::tempdir().expect("a folder");
+    let shape = creature(2000).expect("in range");
+    let mut editor = Editor::open(shape.clone(), EditorOptions::default(), &Silent).expect("valid");
+    let low = VertexSet::where_true(shape.vertex_count(), |v| shape.positions[v as usize].y < 0.2);
+    editor.anchor(Grip::Vertices(low)).expect("valid");
+    let top = (0..shape.vertex_count()).max_by(|&a, &b| shape.positions[a].y.total_cmp(&shape.positions[b].y));
+    let top = top.expect("vertices");
+    let spot = editor.grab(Grip::vertex(top as u32)).expect("valid");
+    editor.drag_to(spot, shape.positions[top] + 0.1 * DVec3::X).expect("valid");
+    editor.release("push the top").expect("solvable");
+    let (document, output) = (path(&folder, "session.json"), path(&folder, "edited.ply"));
+    editor.document("creature:2000").save(document.as_ref()).expect("writable");
+    let result = json(&["edit", "creature:2000", "--document", &document, "-o", &output, "--json"]);
+    assert_eq!(result["steps"], serde_json::json!(["push the top"]));
+    let written = read(output.as_ref()).expect("own file").mesh;
+    let off = written.positions.iter().zip(editor.positions()).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
+    // A file of single precision.
+    assert!(off < 1e-6, "{off:e}");
+    let error = refused(&["edit", "creature:3000", "--document", &document, "-o", &output]);
+    assert!(error.contains("another mesh"), "{error}");
+}
