@@ -81,8 +81,10 @@ fn handles_need_no_cage_vertices() {
     editor.anchor(Grip::Vertices(far(&shape, at))).expect("valid");
     let handle = editor.grab(Grip::vertex(lost)).expect("valid");
     editor.drag_to(handle, 1.4 * at).expect("valid");
-    editor.release("pull a vertex").expect("solvable");
+    let released = editor.release("pull a vertex").expect("solvable");
     assert!(editor.positions()[lost as usize].distance(1.4 * at) < 1e-12);
+    // The cage went there by itself, but for what its frames turned in the last solves.
+    assert!(released.snapped < 0.05, "{}", released.snapped);
 
     let mut editor = open(&shape);
     let point = SurfacePoint { face: 17, barycentric: [0.2, 0.5, 0.3] };
@@ -375,4 +377,40 @@ fn refining_lowers_the_energy_to_that_of_a_direct_solve() {
     assert!(editor.undo() && bits(editor.positions()) == bits(&shape.positions) && editor.undo_depth() == (0, 1));
     assert!(editor.redo() && bits(editor.positions()) == refined);
     assert!(editor.refine(Duration::ZERO).is_err());
+}
+
+/// A single handle without a cage vertex takes all of the shape along.
+#[test]
+fn one_handle_translates_the_whole() {
+    let shape = bar();
+    let mut editor = open(&shape);
+    let saved = editor.saved_cage();
+    let origin = &saved.simplified.as_ref().expect("made of the shape").1.origin;
+    let lost = (0..shape.vertex_count() as u32).find(|v| !origin.contains(v)).expect("most are lost");
+    let handle = editor.grab(Grip::vertex(lost)).expect("valid");
+    editor.drag(handle, Similarity::translation(DVec3::X)).expect("valid");
+    editor.release("away").expect("solvable");
+    for (p, x) in editor.positions().iter().zip(&shape.positions) {
+        assert!(p.distance(*x + DVec3::X) < 1e-6, "{p} from {x}");
+    }
+}
+
+/// Hundreds of handles, each a vertex with a goal of its own on a smooth motion: the shape follows the motion in between.
+#[test]
+fn many_handles_follow_a_smooth_motion() {
+    let shape = shapes::icosphere(4);
+    let mut editor = open(&shape);
+    let motion = |p: DVec3| p + 0.1 * DVec3::new((2.0 * p.y).sin(), 0.0, (2.0 * p.x).cos());
+    let held: Vec<u32> = (0..shape.vertex_count() as u32).step_by(4).collect();
+    for &v in &held {
+        let handle = editor.grab(Grip::vertex(v)).expect("valid");
+        editor.drag_to(handle, motion(shape.positions[v as usize])).expect("valid");
+    }
+    editor.release("wave").expect("solvable");
+    for &v in &held {
+        assert!(editor.positions()[v as usize].distance(motion(shape.positions[v as usize])) < 1e-12);
+    }
+    // Between handles an edge or two apart the motion bends by a few hundredths of an edge.
+    let off = editor.positions().iter().zip(&shape.positions).map(|(p, x)| p.distance(motion(*x))).fold(0.0, f64::max);
+    assert!(off < 0.02, "{off}");
 }

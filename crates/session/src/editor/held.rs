@@ -10,6 +10,13 @@ use crate::{NoRoom, SessionError, carry_region};
 /// A handle with more vertices than this, none of them on the cage, is held by so many of them.
 const MOST_ROWS: usize = 64;
 
+/// With more rows than this share of the cage's free vertices, the cage meets them in least squares: exactly it could only by
+/// overshooting between them.
+const MANY: f64 = 0.1;
+
+/// How heavily many rows weigh.
+const WEIGHT_OF_MANY: f64 = 10.0;
+
 /// What the cage is held by.
 pub(crate) struct Held {
     /// `None` if nothing of the cage is free.
@@ -18,6 +25,8 @@ pub(crate) struct Held {
     pub(crate) known: Vec<usize>,
     /// In the order of the region's rows.
     pub(crate) rows: Vec<RowPoint>,
+    /// Whether the rows are so many that the cage meets them in least squares only.
+    pub(crate) many: bool,
 }
 
 /// A point of the shape that the cage is held by.
@@ -115,11 +124,17 @@ pub(crate) fn on_cage(editor: &Editor, roi: &VertexSet) -> Result<Held, SessionE
         return stood_in(editor, roi);
     }
     if free.is_empty() || handles.is_empty() {
-        return Ok(Held { region: None, known: Vec::new(), rows: Vec::new() });
+        return Ok(Held { region: None, known: Vec::new(), rows: Vec::new(), many: false });
+    }
+    let many = rows.len() as f64 > MANY * free.len() as f64;
+    if many {
+        for handle in handles.iter_mut().filter(|h| !h.rows.is_empty() && h.constraint == Constraint::Hard) {
+            handle.constraint = Constraint::Soft(WEIGHT_OF_MANY);
+        }
     }
     let region = Region::new(n, &free, &handles).map_err(|error| in_the_editors_order(error, &known))?;
     let (region, _) = region.without_unconstrained(editor.simplified.mesh.topology());
-    Ok(Held { region: Some(region), known, rows })
+    Ok(Held { region: Some(region), known, rows, many })
 }
 
 /// For methods that take no rows: the nearest free cage vertex stands for a handle that has none.
@@ -134,7 +149,7 @@ fn stood_in(editor: &Editor, roi: &VertexSet) -> Result<Held, SessionError> {
             NoRoom::Region(error) => error.into(),
         })?;
     let (region, _) = carried.region.without_unconstrained(editor.simplified.mesh.topology());
-    Ok(Held { region: Some(region), known: (0..editor.handles.len()).collect(), rows: Vec::new() })
+    Ok(Held { region: Some(region), known: (0..editor.handles.len()).collect(), rows: Vec::new(), many: false })
 }
 
 fn in_the_editors_order(error: DeformError, known: &[usize]) -> DeformError {

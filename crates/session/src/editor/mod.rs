@@ -28,6 +28,9 @@ use refinement::Released;
 /// A cage that moves less than this share of its diagonal in a solve stands still.
 const STILL: f64 = 1e-6;
 
+/// Solves of a release after which points held by the cage are told anew where its frames want them.
+const FRAMES_FOLLOWED: u32 = 5;
+
 /// A shape being edited: handles on it, the cage beneath, and every step so far.
 ///
 /// A step begins with the first handle, moves as handles are dragged, and ends with [`Self::release`]; the next begins where it ended.
@@ -359,15 +362,16 @@ impl Editor {
             prepared.set_goals(&self.handles, &self.base, true);
             prepared.pose.copy_from_slice(&self.base.cage);
             let (mut solves, mut still) = (0, false);
-            let mut shown = if prepared.has_rows() { self.base.clone() } else { Pose::default() };
+            let mut shown = if prepared.follows() { self.base.clone() } else { Pose::default() };
             while !still && solves <= self.options.release_solves {
                 still = prepared.solve()? <= STILL || !self.iterates();
                 solves += 1;
-                if prepared.has_rows() && !still {
-                    // Where points go on the cage depends on its frames, which the shape shown tells.
+                if prepared.follows() && !still && solves <= FRAMES_FOLLOWED {
+                    // Where points go on the cage depends on its frames, which the shape shown tells; then they are held to that.
                     prepared.show(&self.binding, &self.base, &mut shown);
                 }
             }
+            prepared.unclean = true;
             let snapped = prepared.show(&self.binding, &self.base, &mut self.current);
             let changed = prepared.changed.clone();
             Ok(Update { changed, solves, still, snapped, elapsed: begun.elapsed() })

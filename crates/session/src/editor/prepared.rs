@@ -25,6 +25,8 @@ pub(crate) struct Prepared {
     goals: Goals,
     /// Points that the cage is held by, where it has no vertex of a handle.
     rows: Vec<RowPoint>,
+    /// Whether the rows' targets follow the frames of the cage. With many rows that would feed back: they make the frames.
+    follows: bool,
     /// The cage, and what it was before the last solve.
     pub(crate) pose: Vec<DVec3>,
     before: Vec<DVec3>,
@@ -37,7 +39,7 @@ pub(crate) struct Prepared {
     /// The vertices that may move, with what only they need; `None` if all may.
     part: Option<Part>,
     /// Whether the shape shown may differ from where the step began outside of the region, from before it was this one.
-    unclean: bool,
+    pub(crate) unclean: bool,
     pub(crate) changed: Range<usize>,
     pub(crate) stale: bool,
     /// Whether nothing is left of other handles.
@@ -59,7 +61,7 @@ impl Prepared {
     pub(crate) fn new(editor: &Editor, old: Option<Self>) -> Result<Self, SessionError> {
         let (shape, base) = (&editor.rest, &editor.base);
         let roi = editor.region.clone().unwrap_or_else(|| VertexSet::all(shape.vertex_count()));
-        let Held { region, known, mut rows } = on_cage(editor, &roi)?;
+        let Held { region, known, mut rows, many } = on_cage(editor, &roi)?;
         let cage = editor.simplified.mesh.with_positions(base.cage.clone())?;
         let old = old.and_then(|old| old.solver);
         let fresh = old.is_none();
@@ -98,6 +100,7 @@ impl Prepared {
             propagator: Propagator::default(),
             goals: Goals::identity(known.len()),
             known,
+            follows: !many && !rows.is_empty(),
             rows,
             pose: base.cage.clone(),
             before: base.cage.clone(),
@@ -113,9 +116,9 @@ impl Prepared {
         })
     }
 
-    /// Whether the cage is held by points, whose targets depend on the shape shown last.
-    pub(crate) fn has_rows(&self) -> bool {
-        !self.rows.is_empty()
+    /// Whether the cage is held by points whose targets depend on the shape shown last.
+    pub(crate) fn follows(&self) -> bool {
+        self.follows
     }
 
     /// Takes over the goals of the handles; with `anew` as if nothing had been shown yet.
@@ -123,10 +126,10 @@ impl Prepared {
         self.goals.transforms.clear();
         self.goals.transforms.extend(self.known.iter().map(|&at| handles[at].goal));
         for row in &mut self.rows {
-            row.goal = handles[row.handle].goal.apply(row.of.place(&base.shape));
             if anew {
                 row.begin(base);
             }
+            row.goal = handles[row.handle].goal.apply(row.of.place(&base.shape));
         }
         for (target, (at, kind)) in self.targets.iter_mut().zip(&mut self.owners) {
             match kind {
@@ -151,6 +154,7 @@ impl Prepared {
     /// much that moved them at most.
     pub(crate) fn show(&mut self, binding: &Binding, base: &Pose, current: &mut Pose) -> f64 {
         let shape = &mut current.shape;
+        // Outside of the region another pose may have been shown before.
         if self.unclean || self.part.is_none() {
             shape.copy_from_slice(&base.shape);
             self.unclean = false;
@@ -168,7 +172,7 @@ impl Prepared {
                 }
             }
         }
-        for row in &mut self.rows {
+        for row in self.rows.iter_mut().filter(|_| self.follows) {
             row.offset = row.of.place(shape) - row.on_cage(&self.pose);
         }
         current.cage.copy_from_slice(&self.pose);
