@@ -6,6 +6,7 @@ mod held;
 mod options;
 mod prepared;
 mod refinement;
+mod steps;
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -389,135 +390,6 @@ impl Editor {
         }
         self.prepared = made.is_err().then_some(prepared);
         made
-    }
-
-    /// As [`Self::release`], but one step with the last one if that was released under the same name with the same handles and
-    /// region: a drag in several strokes.
-    ///
-    /// # Errors
-    /// As [`Self::release`].
-    pub fn release_on(&mut self, name: &str) -> Result<Update, SessionError> {
-        let update = self.release(name)?;
-        let done = self.steps.len() - self.history.redoable();
-        if let [.., before, last] = &self.steps[..done]
-            && before.is_continued_by(last)
-        {
-            self.released = None;
-            // Undone together; a document replays both.
-            let between = self.between();
-            if self.history.join_last(between.arrays())
-                && let Some(last) = self.steps.last_mut()
-            {
-                last.joined = true;
-            }
-        }
-        Ok(update)
-    }
-
-    /// The state before the last step.
-    fn between(&mut self) -> Pose {
-        let mut between = self.base.clone();
-        if self.history.undo(between.state()) {
-            let mut back = between.clone();
-            self.history.redo(back.state());
-        }
-        between
-    }
-
-    /// Gives the step up: goals go back to where it began, and so does what is shown.
-    pub fn cancel(&mut self) {
-        for handle in &mut self.handles {
-            handle.goal = Similarity::IDENTITY;
-        }
-        self.current.copy_from(&self.base);
-    }
-
-    /// Does several things as one: if they fail, all is as it was before.
-    ///
-    /// # Errors
-    /// Those of `work`.
-    pub fn transaction<T>(
-        &mut self,
-        work: impl FnOnce(&mut Self) -> Result<T, SessionError>,
-    ) -> Result<T, SessionError> {
-        let kept = (self.base.clone(), self.current.clone(), self.history.clone(), self.steps.clone());
-        let input = (self.region.clone(), self.handles.clone(), self.next_id);
-        let made = work(self);
-        if made.is_err() {
-            (self.base, self.current, self.history, self.steps) = kept;
-            (self.region, self.handles, self.next_id) = input;
-            (self.prepared, self.released) = (None, None);
-        }
-        made
-    }
-
-    /// Takes back the last step, to the bit; a step under way is given up first, which counts as one. `false` if there is none.
-    pub fn undo(&mut self) -> bool {
-        if self.is_under_way() {
-            self.cancel();
-            return true;
-        }
-        self.travel(History::undo)
-    }
-
-    /// Does the step last undone again, to the bit. `false` if there is none, or a step is under way.
-    pub fn redo(&mut self) -> bool {
-        !self.is_under_way() && self.travel(History::redo)
-    }
-
-    fn travel(&mut self, go: impl FnOnce(&mut History, State<'_>) -> bool) -> bool {
-        let went = go(&mut self.history, self.base.state());
-        if went {
-            self.current.copy_from(&self.base);
-            self.prepared = None;
-            self.released = None;
-        }
-        went
-    }
-
-    /// Whether a handle has left the place where the step began.
-    fn is_under_way(&self) -> bool {
-        self.handles.iter().any(|h| h.goal != Similarity::IDENTITY) || self.current != self.base
-    }
-
-    /// The steps, the oldest first; those that are undone come last ([`Document::undone`]).
-    pub fn steps(&self) -> &[DocumentStep] {
-        &self.steps
-    }
-
-    /// Steps that can be undone, and redone.
-    pub fn undo_depth(&self) -> (usize, usize) {
-        (self.history.undoable(), self.history.redoable())
-    }
-
-    /// Steps that can no longer be undone because memory for them ran out ([`EditorOptions::history_bytes`]).
-    pub fn forgotten_steps(&self) -> usize {
-        self.history.dropped()
-    }
-
-    /// Notes the step from `base` to `current`, and begins the next.
-    fn note(&mut self, name: &str) {
-        let done = self.steps.len() - self.redoable_steps();
-        self.steps.truncate(done);
-        self.steps.push(DocumentStep::new(name, self.region.as_ref(), &self.handles));
-        self.history.push(self.base.arrays(), self.current.arrays());
-        self.base.copy_from(&self.current);
-        for handle in &mut self.handles {
-            handle.goal = Similarity::IDENTITY;
-        }
-    }
-
-    /// Steps of the document that are undone: those that were joined count with the one they joined.
-    fn redoable_steps(&self) -> usize {
-        let (mut left, mut steps) = (self.history.redoable(), 0);
-        for step in self.steps.iter().rev() {
-            if left == 0 {
-                break;
-            }
-            steps += 1;
-            left -= usize::from(!step.joined);
-        }
-        steps
     }
 
     fn iterates(&self) -> bool {
