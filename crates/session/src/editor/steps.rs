@@ -96,7 +96,7 @@ impl Editor {
         self.handles.iter().any(|h| h.goal != Similarity::IDENTITY) || self.current != self.base
     }
 
-    /// The steps, the oldest first; those that are undone come last ([`Document::undone`]).
+    /// The steps, the oldest first; those that are undone come last ([`Document::undone`](super::Document::undone)).
     pub fn steps(&self) -> &[DocumentStep] {
         &self.steps
     }
@@ -106,7 +106,7 @@ impl Editor {
         (self.history.undoable(), self.history.redoable())
     }
 
-    /// Steps that can no longer be undone because memory for them ran out ([`EditorOptions::history_bytes`]).
+    /// Steps that can no longer be undone because memory for them ran out ([`EditorOptions::history_bytes`](super::EditorOptions::history_bytes)).
     pub fn forgotten_steps(&self) -> usize {
         self.history.dropped()
     }
