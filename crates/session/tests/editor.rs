@@ -414,3 +414,26 @@ fn many_handles_follow_a_smooth_motion() {
     let off = editor.positions().iter().zip(&shape.positions).map(|(p, x)| p.distance(motion(*x))).fold(0.0, f64::max);
     assert!(off < 0.02, "{off}");
 }
+
+/// Every method moves the shape, and the implicit one previews what its release then frees of shear.
+#[test]
+fn every_method_edits() {
+    let shape = bar();
+    let methods = ["laplacian", "laplacian:two-step", "implicit", "dual", "rotation-invariant", "arap:propagated"];
+    for method in methods {
+        let options = EditorOptions { method: method.parse().expect("a method"), ..options() };
+        let mut editor = Editor::open(shape.clone(), options, &Silent).expect("valid");
+        editor.anchor(low(&shape)).expect("valid");
+        let handle = editor.grab(high(&shape)).expect("valid");
+        editor.drag(handle, turn()).expect("valid");
+        editor.update(Duration::ZERO).expect("solvable");
+        let preview = editor.positions().to_vec();
+        editor.release("bend").expect("solvable");
+        for v in where_x(&shape, |x| x > 2.8).iter().map(|v| v as usize) {
+            assert_eq!(editor.positions()[v], turn().apply(shape.positions[v]), "{method}");
+        }
+        let off = preview.iter().zip(editor.positions()).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        // One solve is the whole answer of the others, which do not look at the pose they start from.
+        assert_eq!(off > 1e-6, ["implicit", "dual"].contains(&method), "{method}: {off:e}");
+    }
+}

@@ -317,7 +317,7 @@ impl Editor {
     }
 
     /// Solves for the goals from the pose shown, again and again until the time is up or the cage stands still (once at least), and shows
-    /// the result.
+    /// the result. Methods with a cheaper preview (the implicit one) show that, and all of their result on release.
     ///
     /// # Errors
     /// As [`Method::prepare`] and a solve of it; then what is shown stays.
@@ -329,7 +329,7 @@ impl Editor {
             prepared.set_goals(&self.handles, &self.base, false);
             prepared.pose.copy_from_slice(&self.current.cage);
             let still = loop {
-                let moved = prepared.solve()?;
+                let moved = prepared.solve(true)?;
                 solves += 1;
                 if moved <= STILL || !self.iterates() {
                     break true;
@@ -365,7 +365,7 @@ impl Editor {
             let (mut solves, mut still) = (0, false);
             let mut shown = if prepared.follows() { self.base.clone() } else { Pose::default() };
             while !still && solves <= self.options.release_solves {
-                still = prepared.solve()? <= STILL || !self.iterates();
+                still = prepared.solve(false)? <= STILL || !self.iterates();
                 solves += 1;
                 if prepared.follows() && !still && solves <= FRAMES_FOLLOWED {
                     // Where points go on the cage depends on its frames, which the shape shown tells; then they are held to that.

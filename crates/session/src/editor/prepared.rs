@@ -139,13 +139,16 @@ impl Prepared {
         }
     }
 
-    /// One solve from `pose`; returns how far the cage moved in it, as a share of its diagonal.
-    pub(crate) fn solve(&mut self) -> Result<f64, SessionError> {
+    /// One solve from `pose`, or the method's preview of one; returns how far the cage moved in it, as a share of its diagonal.
+    pub(crate) fn solve(&mut self, preview: bool) -> Result<f64, SessionError> {
         let Some(solver) = &mut self.solver else { return Ok(0.0) };
         self.before.copy_from_slice(&self.pose);
         self.goals.points.clear();
         self.goals.points.extend(self.rows.iter().map(|row| row.goal - row.offset));
-        solver.solve(&self.goals, &mut self.pose)?;
+        match preview {
+            true => solver.solve_preview(&self.goals, &mut self.pose)?,
+            false => solver.solve(&self.goals, &mut self.pose)?,
+        };
         let moved = self.before.iter().zip(&self.pose).map(|(a, b)| a.distance_squared(*b)).fold(0.0, f64::max);
         Ok(moved.sqrt() / self.diagonal)
     }
