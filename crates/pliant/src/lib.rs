@@ -33,7 +33,7 @@ pub use pliant_mesh::{
 };
 pub use pliant_session::{
     Autosave, Carried, CoarseStart, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Grip,
-    Levels, NoRoom, Ranges, Refinement, SessionError, SurfacePoint, Update, carry_region,
+    Levels, NoRoom, Ranges, RefineReport, Refinement, SessionError, SurfacePoint, Update, carry_region,
 };
 pub use pliant_study::{
     Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, ImplicitRow, Iterations,

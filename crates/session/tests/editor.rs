@@ -349,7 +349,16 @@ fn refining_lowers_the_energy_to_that_of_a_direct_solve() {
     editor.release("bend").expect("solvable");
     let first = editor.refine(Duration::ZERO).expect("just released");
     assert!(first.steps == 1 && first.energy[1] < first.energy[0] && !first.settled);
-    let mut last = first;
+    let mut told = Vec::new();
+    let mut last = editor
+        .refine_with(|report| {
+            told.push(*report);
+            told.len() < 3
+        })
+        .expect("still the last step");
+    assert_eq!(told.iter().map(|report| report.steps).collect::<Vec<_>>(), [2, 3, 4]);
+    assert!(told.windows(2).all(|pair| pair[1].energy <= pair[0].energy));
+    assert_eq!((told[2].energy, told[2].rms_relative), (last.energy[1], last.rms_relative));
     while !last.settled {
         let next = editor.refine(Duration::from_millis(5)).expect("still the last step");
         assert!(next.energy[0] == last.energy[1] && next.energy[1] <= next.energy[0]);

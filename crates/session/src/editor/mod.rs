@@ -19,7 +19,7 @@ use pliant_mesh::{NormalBuffer, Progress, Similarity, TriMesh, VertexSet};
 pub use document::{Autosave, Document, DocumentHandle, DocumentStep, Ranges};
 pub use grip::{EditorHandle, Grip, SurfacePoint};
 pub use options::EditorOptions;
-pub use refinement::Refinement;
+pub use refinement::{RefineReport, Refinement};
 
 use crate::history::{History, State};
 use crate::{Levels, SessionError};

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use pliant_deform::{ArapOptions, DeformError, Method, RefineOptions, Refiner};
+use pliant_deform::{ArapOptions, DeformError, Method, RefineOptions, RefineStep, Refiner};
 use pliant_mesh::metrics::edge_errors;
 
 use super::{Editor, Pose};
@@ -16,6 +16,19 @@ pub(super) struct Refining {
     refiner: Refiner,
     /// Steps since it began.
     pub(super) steps: u32,
+}
+
+/// How far a refinement has come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RefineReport {
+    /// Steps since the release.
+    pub steps: u32,
+    /// Energy of the shape, in world units; see [`Refinement::energy`].
+    pub energy: f64,
+    /// Root mean square of relative edge length changes from where the step of the session began.
+    pub rms_relative: f64,
+    /// Time that the last step took.
+    pub elapsed: Duration,
 }
 
 /// What a refinement did.
@@ -45,15 +58,40 @@ impl Editor {
     /// [`Refiner::step`]. Then the shape is as it was.
     pub fn refine(&mut self, budget: Duration) -> Result<Refinement, SessionError> {
         let begun = Instant::now();
-        self.refine_while(|_| begun.elapsed() < budget)
+        self.refine_while(|_, _| begun.elapsed() < budget)
+    }
+
+    /// As [`Self::refine`], telling energy and edge error after each step, for as long as `goes_on` says so.
+    ///
+    /// # Errors
+    /// As [`Self::refine`].
+    pub fn refine_with(&mut self, mut goes_on: impl FnMut(&RefineReport) -> bool) -> Result<Refinement, SessionError> {
+        let (topology, mut pose) = (self.rest.shared_topology(), self.base.shape.clone());
+        let Some(released) = &self.released else { return Err(SessionError::NothingToRefine) };
+        let began = released.began.shape.clone();
+        self.refine_while(|refiner, step| {
+            // What cannot be written ends the refinement with its error.
+            let written = refiner.positions(&mut pose).is_ok();
+            let rms_relative = edge_errors(&topology, &began, &pose).rms_relative;
+            written
+                && goes_on(&RefineReport {
+                    steps: step.iteration,
+                    energy: step.energy,
+                    rms_relative,
+                    elapsed: step.elapsed,
+                })
+        })
     }
 
     /// So many steps, or until nothing is to be gained.
     pub(super) fn refine_steps(&mut self, steps: u32) -> Result<Refinement, SessionError> {
-        self.refine_while(|done| done < steps)
+        self.refine_while(|_, step| step.iteration < steps)
     }
 
-    fn refine_while(&mut self, goes_on: impl Fn(u32) -> bool) -> Result<Refinement, SessionError> {
+    fn refine_while(
+        &mut self,
+        mut goes_on: impl FnMut(&Refiner, &RefineStep) -> bool,
+    ) -> Result<Refinement, SessionError> {
         let begun = Instant::now();
         let Some(released) = &mut self.released else { return Err(SessionError::NothingToRefine) };
         let mut refined = self.base.clone();
@@ -77,7 +115,7 @@ impl Editor {
                 refining.steps += 1;
                 last = step.energy.min(last);
                 settled = step.settled || step.relative_change < SETTLED;
-                if settled || !goes_on(steps) {
+                if settled || !goes_on(&refining.refiner, &step) {
                     break;
                 }
             }
