@@ -95,10 +95,25 @@ impl History {
     /// Notes a step from `before` to `after`, each a shape and a pose; what was undone is forgotten. The oldest steps go where memory
     /// runs out, but never this one.
     pub(crate) fn push(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
+        self.append(before, after);
+        self.drop_oldest();
+    }
+
+    /// Makes what goes from `before`, the state after the last step, to `after` part of that step.
+    pub(crate) fn amend(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
+        self.append(before, after);
+        self.join_last(before);
+        self.drop_oldest();
+    }
+
+    fn append(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
         self.entries.truncate(self.done);
         let [shape, pose] = [0, 1].map(|k| Stretch::of(before[k], after[k]));
         self.entries.push(Arc::new(Entry { shape, pose }));
         self.done += 1;
+    }
+
+    fn drop_oldest(&mut self) {
         let mut bytes = self.bytes();
         let mut oldest = 0;
         while bytes > self.budget && oldest + 1 < self.entries.len() {
@@ -214,5 +229,10 @@ mod tests {
         let mut tight = History::new(0);
         tight.push([&shape, &pose], [&vec![DVec3::ONE; 100], &pose]);
         assert_eq!(tight.undoable(), 1);
+        // What is amended stays one step with it, however little memory there is.
+        let (mut end, mut still) = (vec![2.0 * DVec3::ONE; 100], pose.clone());
+        tight.amend([&vec![DVec3::ONE; 100], &pose], [&end, &pose]);
+        assert_eq!((tight.undoable(), tight.dropped()), (1, 0));
+        assert!(tight.undo(State { shape: &mut end, pose: &mut still }) && end == shape);
     }
 }

@@ -135,8 +135,7 @@ impl Editor {
         if let Some(step) = self.steps.last_mut() {
             step.refined = in_all;
         }
-        self.history.push(self.base.arrays(), refined.arrays());
-        self.history.join_last(self.base.arrays());
+        self.history.amend(self.base.arrays(), refined.arrays());
         self.base = refined;
         self.current.copy_from(&self.base);
         Ok(Refinement { steps, energy, rms_relative, settled, elapsed: begun.elapsed() })
