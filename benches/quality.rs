@@ -10,15 +10,16 @@
 //! and of the 99th percentile, the worst ratio, the median and largest of the largest edge errors, and the time of the solve as a
 //! ratio to that of the direct one.
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::path::Path;
 
+use common::{Arguments, arguments, model};
 use pliant::glam::DVec3;
 use pliant::{
     Acceleration, ArapEnergy, ArapOptions, BindOptions, CageSize, EdgeWeightKind, Iterations, Method, Propagation,
-    Scene, Schedule, Silent, StartFrom, Study, SweepRow, SweepSize, TriMesh, creature, read, select, simplify,
-    vertex_normals,
+    Scene, Schedule, Silent, StartFrom, Study, SweepRow, SweepSize, TriMesh, select, simplify, vertex_normals,
 };
 
 const MODELS: [&str; 14] = [
@@ -62,18 +63,8 @@ const MANY: [u32; 2] = [8, 6];
 const FLOOR: f64 = 1e-3;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    if arguments.iter().any(|a| a == "--list") {
-        println!("quality: benchmark");
-        return Ok(());
-    }
-    let named: Vec<&str> = arguments.iter().map(String::as_str).filter(|a| !a.starts_with('-')).collect();
-    let is_model = |name: &&str| name.contains('.') || name.starts_with("creature:");
-    if !named.is_empty() && !named.iter().any(|n| is_model(n) || "quality".contains(n)) {
-        return Ok(());
-    }
-    let measured = arguments.iter().any(|a| a == "--bench") && !arguments.iter().any(|a| a == "--test");
-    let mut names: Vec<&str> = named.into_iter().filter(is_model).collect();
+    let Some(Arguments { measured, models, .. }) = arguments("quality") else { return Ok(()) };
+    let mut names: Vec<&str> = models.iter().map(String::as_str).collect();
     let mut sizes = vec![0.01, 0.02, 0.05, 0.1];
     if names.is_empty() && measured {
         names.push("creature:8000");
@@ -83,17 +74,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let mut table = Table::default();
     for name in names {
-        let shape = match name.strip_prefix("creature:") {
-            Some(vertices) => creature(vertices.parse()?)?,
-            None => {
-                let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models").join(name);
-                if !path.exists() {
-                    eprintln!("SKIPPED: {name} (scripts/fetch-models brings it)");
-                    continue;
-                }
-                read(&path)?.mesh
-            }
-        };
+        let Some(shape) = model(name)? else { continue };
         for scene in scenes(&shape)? {
             eprintln!("{name}, {}", scene.name);
             measure(name, &shape, &scene, &sizes, &mut table)?;

@@ -9,15 +9,17 @@
 //! prepare and solve of direct, those of refinement with its own preparation, all in one run. A target is met by the first step after
 //! which energy and error both are below it and stay so.
 
+mod common;
+
 use std::error::Error;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
+use common::{Arguments, arguments, model};
 use pliant::glam::DVec3;
 use pliant::{
     ArapOptions, BindOptions, CageSize, Deformer, GlobalSolver, Goals, Handle, Iterations, Method, Propagation,
     RefineOptions, RefineStep, Refiner, Region, ResolvedScene, Scene, Schedule, Silent, StartFrom, Study, SweepSize,
-    TriMesh, VertexSet, creature, edge_errors, read,
+    TriMesh, VertexSet, edge_errors,
 };
 use pliant_deform::arap::Arap;
 
@@ -35,35 +37,15 @@ const WAYS: [(GlobalSolver, u32); 4] =
     [(GlobalSolver::Multigrid, 0), (GlobalSolver::Multigrid, 2), (GlobalSolver::Factor, 0), (GlobalSolver::Factor, 2)];
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    if arguments.iter().any(|a| a == "--list") {
-        println!("refine: benchmark");
-        return Ok(());
-    }
-    let named: Vec<&str> = arguments.iter().map(String::as_str).filter(|a| !a.starts_with('-')).collect();
-    let is_model = |name: &&str| name.contains('.') || name.starts_with("creature:");
-    if !named.is_empty() && !named.iter().any(|n| is_model(n) || "refine".contains(n)) {
-        return Ok(());
-    }
-    let measured = arguments.iter().any(|a| a == "--bench") && !arguments.iter().any(|a| a == "--test");
-    let mut names: Vec<&str> = named.into_iter().filter(is_model).collect();
+    let Some(Arguments { measured, models, .. }) = arguments("refine") else { return Ok(()) };
+    let mut names: Vec<&str> = models.iter().map(String::as_str).collect();
     match (names.is_empty(), measured) {
         (true, true) => names.extend(MODELS),
         (true, false) => names.push("creature:2000"),
         _ => {}
     }
     for name in names {
-        let shape = match name.strip_prefix("creature:") {
-            Some(vertices) => creature(vertices.parse()?)?,
-            None => {
-                let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models").join(name);
-                if !path.exists() {
-                    eprintln!("SKIPPED: {name} (scripts/fetch-models brings it)");
-                    continue;
-                }
-                read(&path)?.mesh
-            }
-        };
+        let Some(shape) = model(name)? else { continue };
         Edit::new(name, &shape)?.report()?;
     }
     Ok(())

@@ -1,4 +1,10 @@
 //! What cargo and the user ask of a bench without a harness.
+#![allow(dead_code, reason = "each bench takes what it needs")]
+
+use std::error::Error;
+use std::path::Path;
+
+use pliant::{TriMesh, creature, read};
 
 /// Arguments of a bench that is to run.
 pub(crate) struct Arguments {
@@ -6,6 +12,8 @@ pub(crate) struct Arguments {
     pub(crate) measured: bool,
     /// Numbers among the arguments.
     pub(crate) numbers: Vec<usize>,
+    /// Models among them: files of the folder `models`, and generated creatures (`creature:N`).
+    pub(crate) models: Vec<String>,
 }
 
 /// The arguments for the bench `name`; `None` if it is to run nothing.
@@ -19,12 +27,28 @@ pub(crate) fn arguments(name: &str) -> Option<Arguments> {
         println!("{name}: benchmark");
         return None;
     }
-    let (numbers, words): (Vec<&String>, Vec<&String>) =
-        arguments.iter().filter(|a| !a.starts_with('-')).partition(|a| a.parse::<usize>().is_ok());
-    if !words.is_empty() && words.iter().all(|word| !name.contains(word.as_str())) {
+    let typed = arguments.iter().filter(|a| !a.starts_with('-'));
+    let (models, others): (Vec<&String>, Vec<&String>) =
+        typed.partition(|a| a.contains('.') || a.starts_with("creature:"));
+    let (numbers, words): (Vec<&String>, Vec<&String>) = others.into_iter().partition(|a| a.parse::<usize>().is_ok());
+    if models.is_empty() && !words.is_empty() && words.iter().all(|word| !name.contains(word.as_str())) {
         eprintln!("{name} is not among the benches asked for");
         return None;
     }
     let numbers = numbers.iter().filter_map(|n| n.parse().ok()).collect();
-    Some(Arguments { measured: has("--bench") && !has("--test"), numbers })
+    let models = models.into_iter().cloned().collect();
+    Some(Arguments { measured: has("--bench") && !has("--test"), numbers, models })
+}
+
+/// A model of [`Arguments::models`]; `None`, which is said, if its file was not fetched.
+pub(crate) fn model(name: &str) -> Result<Option<TriMesh>, Box<dyn Error>> {
+    if let Some(vertices) = name.strip_prefix("creature:") {
+        return Ok(Some(creature(vertices.parse()?)?));
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models").join(name);
+    if !path.exists() {
+        eprintln!("SKIPPED: {name} (scripts/fetch-models brings it)");
+        return Ok(None);
+    }
+    Ok(Some(read(&path)?.mesh))
 }
