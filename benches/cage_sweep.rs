@@ -16,10 +16,7 @@ mod common;
 use std::error::Error;
 use std::time::Instant;
 
-use pliant::{
-    BindOptions, CageSize, Detail, Iterations, Method, Propagation, Scene, Silent, StartFrom, SweepPlan, SweepReport,
-    SweepRow, SweepSize, creature, sweep,
-};
+use pliant::{CageSize, Detail, Scene, Silent, SweepPlan, SweepReport, SweepSize, creature, sweep};
 
 const VERTICES: usize = 50_000;
 const VERTICES_IN_TESTS: usize = 2_000;
@@ -34,48 +31,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cages = [0.01, 0.02, 0.05, 0.1].map(|share| SweepSize::Cage(CageSize::Fraction(share)));
     let plan = SweepPlan {
         sizes: cages.into_iter().chain([SweepSize::None]).collect(),
-        propagations: vec![Propagation::Frames],
-        bindings: vec![BindOptions::default()],
-        methods: vec![Method::default()],
-        iterations: vec![Iterations::Count(2)],
         steps: 20,
-        start: StartFrom::default(),
-        reference: false,
+        repeats: REPEATS,
+        ..SweepPlan::default()
     };
-    let mut reports = Vec::with_capacity(REPEATS);
-    for repeat in 1..=REPEATS {
-        let start = Instant::now();
-        reports.push(sweep(&format!("creature:{vertices}"), &shape, &scene, &plan, &Silent)?);
-        eprintln!("sweep {repeat} of {REPEATS}: {:.1?}", start.elapsed());
-    }
-    let mut report = with_median_times(reports)?;
-    report.notes.push(format!("Times are medians of {REPEATS} sweeps."));
+    let start = Instant::now();
+    let mut report = sweep(&format!("creature:{vertices}"), &shape, &scene, &plan, &Silent)?;
+    eprintln!("{REPEATS} repeats: {:.1?}", start.elapsed());
+    report.notes.push(format!("Times are medians of {REPEATS} repeats."));
     println!("{}", report.to_markdown(Detail::Main));
     print_ratios(&report);
     Ok(())
-}
-
-/// The first report with the median over all reports in place of each time.
-fn with_median_times(mut reports: Vec<SweepReport>) -> Result<SweepReport, String> {
-    const TIMES: [fn(&mut SweepRow) -> &mut f64; 5] = [
-        |row| &mut row.simplify_ms,
-        |row| &mut row.bind_ms,
-        |row| &mut row.prepare_ms,
-        |row| &mut row.drag_ms,
-        |row| &mut row.propagate_ms,
-    ];
-    let mut result = reports.first().cloned().ok_or("no sweep was run")?;
-    for (i, row) in result.rows.iter_mut().enumerate() {
-        if reports.iter().any(|other| other.rows[i].rms_relative != row.rms_relative) {
-            return Err(format!("the error at cage size {} differs from run to run", row.cage_asked));
-        }
-        for time in TIMES {
-            let mut values: Vec<f64> = reports.iter_mut().map(|report| *time(&mut report.rows[i])).collect();
-            values.sort_unstable_by(f64::total_cmp);
-            *time(row) = values[values.len() / 2];
-        }
-    }
-    Ok(result)
 }
 
 fn print_ratios(report: &SweepReport) {

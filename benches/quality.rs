@@ -233,7 +233,7 @@ impl Table {
             (row.rms_relative + FLOOR) / (direct.rms_relative + FLOOR),
             (row.edge_p99 + 5.0 * FLOOR) / (direct.edge_p99 + 5.0 * FLOOR),
             row.edge_max,
-            row.drag_ms / direct.drag_ms,
+            row.edit_ms() / direct.edit_ms(),
         ]);
     }
 

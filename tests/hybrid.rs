@@ -7,16 +7,7 @@ use pliant::{
 };
 
 fn plan(sizes: &[&str]) -> SweepPlan {
-    SweepPlan {
-        sizes: sizes.iter().map(|s| s.parse().expect("a size")).collect(),
-        propagations: vec![Propagation::Frames],
-        bindings: vec![BindOptions::default()],
-        methods: vec![Method::default()],
-        iterations: vec![Iterations::Count(2)],
-        steps: 1,
-        start: StartFrom::default(),
-        reference: false,
-    }
+    SweepPlan { sizes: sizes.iter().map(|s| s.parse().expect("a size")).collect(), ..SweepPlan::default() }
 }
 
 fn run(shape: &TriMesh, scene: &Scene, plan: &SweepPlan) -> SweepReport {
@@ -157,10 +148,20 @@ fn sweep_json_has_the_promised_fields() {
         for text in ["model", "method", "propagation", "prune"] {
             assert!(row[text].is_string(), "{text}");
         }
-        let numbers = "vertices cage_vertices steps rms_relative relative_rms rest_rms_relative rest_error_max kept_mean kept_max \
-                       simplify_ms bind_ms prepare_ms drag_ms propagate_ms";
+        let numbers = "vertices cage_vertices steps rms_relative relative_rms rest_rms_relative rest_error_max kept_mean kept_max";
         for number in numbers.split(' ') {
             assert!(row[number].is_number(), "{number}: {}", row[number]);
+        }
+        let direct = row["cage_asked"] == "none";
+        for (stage, caged_only) in [
+            ("simplify_ms", true),
+            ("bind_ms", true),
+            ("prepare_ms", false),
+            ("drag_ms", false),
+            ("propagate_ms", true),
+        ] {
+            let time = &row["times"][stage];
+            assert_eq!(time["median"].is_number(), !(caged_only && direct), "{stage}: {time}");
         }
         assert_eq!(row["iterations"].is_null(), converged);
     }
@@ -192,10 +193,12 @@ fn sweeps_make_every_combination_once() {
 
 #[test]
 fn sizes_and_iterations_read_as_they_are_written() {
-    for size in ["2000", "5%", "0.5%", "100%", "error:0.002", "none", "0"] {
+    for size in ["2000", "5%", "0.5%", "100%", "error:0.002", "none", "0", "decimated:3000", "equal-time:5%"] {
         assert_eq!(size.parse::<SweepSize>().expect(size).to_string(), size);
     }
-    for wrong in ["", "-1", "0%", "101%", "nan%", "5 percent", "error:-1", "error:", "1.5"] {
+    for wrong in
+        ["", "-1", "0%", "101%", "nan%", "5 percent", "error:-1", "error:", "1.5", "decimated:none", "equal-time:"]
+    {
         assert!(wrong.parse::<SweepSize>().expect_err(wrong).to_string().contains("cage size"), "{wrong}");
     }
     for iterations in ["0", "2", "converged"] {

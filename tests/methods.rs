@@ -2,8 +2,8 @@
 
 use pliant::glam::DVec3;
 use pliant::{
-    BindOptions, ComparePlan, DEFAULT_METHODS, Iterations, Method, Propagation, Scene, Schedule, Silent, StartFrom,
-    SweepPlan, SweepSize, TriMesh, compare, shapes, sweep,
+    ComparePlan, DEFAULT_METHODS, FailureKind, Iterations, Method, Scene, Schedule, Silent, StartFrom, SweepPlan,
+    SweepSize, TriMesh, compare, shapes, sweep,
 };
 
 fn method(text: &str) -> Method {
@@ -85,10 +85,11 @@ fn a_method_that_refuses_does_not_stop_the_others() {
             (pose.is_none(), row.rms_relative.is_nan(), row.flipped_faces.is_none()),
             (refused, refused, refused)
         );
-        assert_eq!(row.warnings.iter().any(|warning| warning.contains("refused")), refused, "{:?}", row.warnings);
+        let kind = row.failure.as_ref().map(|failure| failure.kind);
+        assert_eq!(kind, refused.then_some(FailureKind::Input), "{:?}", row.failure);
     }
     let [line] = &compared.implicit[..] else { panic!("one line") };
-    let held = compared.report.model.vertices - line.free_vertices;
+    let held = compared.report.models[0].vertices - line.free_vertices;
     assert!(line.method == "implicit" && held > 0 && line.factor_first_ms > 0.0 && line.svd_ms > 0.0, "{line:?}");
 }
 
@@ -100,13 +101,11 @@ fn sweeps_run_linear_methods_once_and_know_the_converged_pose() {
     let scene = Scene::auto(&shape.bounds());
     let mut plan = SweepPlan {
         sizes: vec![SweepSize::None],
-        propagations: vec![Propagation::default()],
-        bindings: vec![BindOptions::default()],
         methods: ["arap", "implicit", "dual"].map(method).to_vec(),
         iterations: vec![Iterations::Count(1), Iterations::Converged],
         steps: 10,
-        start: StartFrom::default(),
         reference: true,
+        ..SweepPlan::default()
     };
     let report = sweep("cylinder", &shape, &scene, &plan, &Silent).expect("valid");
     let names: Vec<(&str, Option<usize>)> = report.rows.iter().map(|r| (r.method.as_str(), r.iterations)).collect();

@@ -4,10 +4,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use pliant::glam::DVec3;
-use pliant::{
-    BindOptions, Binding, CageSize, Iterations, Method, Propagation, Prune, Scene, Silent, StartFrom, SweepPlan,
-    TriMesh, read, simplify, sweep, vertex_normals,
-};
+use pliant::{Binding, CageSize, Prune, Scene, Silent, SweepPlan, TriMesh, read, simplify, sweep, vertex_normals};
 
 /// Fetched models of at most `most` vertices: path and mesh.
 fn models(most: usize) -> Vec<(PathBuf, TriMesh)> {
@@ -75,13 +72,7 @@ fn no_model_blows_up() {
         let scene = Scene::auto(&shape.bounds());
         let plan = SweepPlan {
             sizes: vec!["5%".parse().expect("a size"), "none".parse().expect("a size")],
-            propagations: vec![Propagation::default()],
-            bindings: vec![BindOptions::default()],
-            methods: vec![Method::default()],
-            iterations: vec![Iterations::Count(2)],
-            steps: 1,
-            start: StartFrom::default(),
-            reference: false,
+            ..SweepPlan::default()
         };
         let report = sweep("model", &shape, &scene, &plan, &Silent).unwrap_or_else(|e| panic!("{name}: {e}"));
         let [cage, direct] = &report.rows[..] else { panic!("two rows") };

@@ -3,18 +3,15 @@ use std::path::PathBuf;
 use anyhow::Result;
 use pliant::glam::DVec3;
 use pliant::{
-    Bounds, CageSize, ComparePlan, Compared, Comparison, Detail, Picture, PictureOptions, Scene, Schedule, SheetCell,
-    SheetRow, StartFrom, SweepSize, TriMesh, Values, View, can_write, compare, contact_sheet, edge_errors_at_vertices,
-    render_values, timed, trim_alike, write_atomic, write_png,
+    Bounds, CageSize, ComparePlan, Compared, Comparison, Detail, PICTURE_WORST, Picture, PictureOptions, Scene,
+    Schedule, SheetCell, SheetRow, StartFrom, SweepSize, TriMesh, Values, View, can_write, compare, contact_sheet,
+    edge_errors_at_vertices, render_values, timed, trim_alike, write_atomic, write_png,
 };
 
 use crate::args::CompareOptions;
 use crate::console::Console;
 use crate::model::Model;
 use crate::sweep::with_extensions;
-
-/// The mean edge error at a vertex that has the last colour.
-const WORST: f64 = 0.3;
 
 pub(crate) fn run(options: &CompareOptions) -> Result<()> {
     let files = with_extensions(&options.output, ["json", "csv", "md", "png"]);
@@ -27,7 +24,9 @@ pub(crate) fn run(options: &CompareOptions) -> Result<()> {
     let mut rows = Vec::new();
     for (model, scene) in cases(options, &console, &files)? {
         let mut compared = compare(&model.name, &model.mesh, &scene, &plan, &console)?;
-        compared.report.notes.extend(model.notes());
+        for info in &mut compared.report.models {
+            info.notes = model.notes();
+        }
         let (row, _) = timed(
             &console,
             "draw",
@@ -104,7 +103,7 @@ fn draw(shape: &TriMesh, compared: &Compared) -> Result<SheetRow> {
     let mut pictures = Vec::new();
     for pose in compared.poses.iter().flatten() {
         let errors = edge_errors_at_vertices(shape.topology(), &shape.positions, pose);
-        let values = Values { of_vertices: &errors, range: (0.0, WORST) };
+        let values = Values { of_vertices: &errors, range: (0.0, PICTURE_WORST) };
         pictures.push(render_values(&shape.with_positions(pose.clone())?, values, &options)?);
     }
     let mut pictures = trim_alike(&pictures, 2, options.background).into_iter();
@@ -114,7 +113,7 @@ fn draw(shape: &TriMesh, compared: &Compared) -> Result<SheetRow> {
         let caption = if picture.is_some() { format!("{:.1} %", 1e2 * row.rms_relative) } else { "refused".to_owned() };
         SheetCell { picture, caption }
     });
-    Ok(SheetRow { title: format!("{}, {}", report.model.name, report.scene), cells: cells.collect() })
+    Ok(SheetRow { title: report.subject(), cells: cells.collect() })
 }
 
 /// What all pictures of a row show: every pose that is no more than twice as large as the shape at rest, so that one which breaks apart

@@ -120,13 +120,7 @@ fn draw(out: &Path, meshes: &[(&str, &TriMesh)], console: &Console) -> Result<Ve
 fn small_sweep(model: &Model, scene: &Scene, console: &Console) -> Result<SweepReport> {
     let plan = SweepPlan {
         sizes: ["1%", "2%", "5%", "10%", "none"].iter().map(|s| s.parse()).collect::<Result<_, _>>()?,
-        propagations: vec![Propagation::default()],
-        bindings: vec![BindOptions::default()],
-        methods: vec![Method::default()],
-        iterations: vec![Iterations::Count(2)],
-        steps: 1,
-        start: StartFrom::default(),
-        reference: false,
+        ..SweepPlan::default()
     };
     Ok(sweep(&model.name, &model.mesh, scene, &plan, console)?)
 }

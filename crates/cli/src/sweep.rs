@@ -82,6 +82,7 @@ fn plan(options: &SweepOptions, model: &Model) -> Result<(Scene, SweepPlan, Vec<
         steps: options.steps as usize,
         start: options.start,
         reference: options.reference,
+        ..SweepPlan::default()
     };
     Ok((scene, plan, notes))
 }

@@ -194,6 +194,14 @@ impl DeformError {
         Self::Handle { handle, fault }
     }
 
+    /// Whether the input was fit to compute with and the computation led to nothing.
+    pub fn is_numeric(&self) -> bool {
+        matches!(
+            self,
+            Self::Singular { .. } | Self::DegenerateSubspace { .. } | Self::ResultNotFinite { .. } | Self::TooLarge(_)
+        )
+    }
+
     /// What an error of the equations means; `vertices` has the vertex of each unknown.
     pub(crate) fn of_system(error: LinalgError, vertices: &[u32]) -> Self {
         let vertex = |unknown: usize| vertices.get(unknown).copied().unwrap_or(u32::MAX);

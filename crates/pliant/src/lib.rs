@@ -36,10 +36,11 @@ pub use pliant_session::{
     Levels, NoRoom, Ranges, RefineReport, Refinement, SessionError, SurfacePoint, Update, carry_region,
 };
 pub use pliant_study::{
-    Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, ImplicitRow, Iterations,
-    ModelInfo, PAPER_SCENE, ReportError, ResolvedScene, Scene, SceneError, Schedule, Stages, StartFrom, Study,
-    StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, compare, count, paper_sizes, sweep,
-    time_stages, timed,
+    Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, Failure, FailureKind,
+    ImplicitRow, Iterations, Machine, Made, ModelInfo, NO_CAGE, PAPER_SCENE, PICTURE_WORST, Refusal, ReportError,
+    ResolvedScene, RowKey, RowMaker, RowTimes, Scene, SceneError, Schedule, Setting, Spread, Stages, StartFrom, Study,
+    StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, compare, count, equal_time_vertices,
+    paper_sizes, sweep, time_stages, timed,
 };
 
 /// The vector types of positions and transforms.

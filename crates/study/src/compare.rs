@@ -7,7 +7,7 @@ use pliant_mesh::TriMesh;
 
 use crate::pipeline::{Bound, Caged, Study};
 use crate::report::{ImplicitRow, ModelInfo, SweepReport};
-use crate::settings::{Iterations, Schedule, StartFrom, SweepSize};
+use crate::settings::{Iterations, Schedule, Setting, StartFrom, SweepSize};
 use crate::stages::Stages;
 use crate::{Scene, StudyError};
 
@@ -76,7 +76,7 @@ pub fn compare(
     let mut study = Study::new(model, shape, scene)?;
     let caged = study.cage(plan.size, stages)?;
     let bound = study.bind(&caged, BindOptions::default(), stages)?;
-    let mut report = SweepReport::new(ModelInfo::of(model, shape), scene.name.clone());
+    let mut report = SweepReport::new(vec![ModelInfo::of(model, shape)]);
     if let Err(error) = study.find_converged(stages) {
         report.notes.push(format!("There is no converged pose to measure distances from: {error}."));
     }
@@ -100,8 +100,15 @@ impl Compared {
         let dragged = match study.drag(caged, method, schedule, stages) {
             Ok(dragged) => dragged,
             Err(error) => {
-                let row = study.row(caged, bound, method, schedule, Propagation::default());
-                self.report.rows.push(row.refused(&error.to_string()));
+                let setting = Setting {
+                    size: caged.size,
+                    method: method.clone(),
+                    schedule,
+                    propagation: Propagation::default(),
+                    bind: bound.options.unwrap_or_default(),
+                };
+                let row = study.row(caged, bound, &setting);
+                self.report.rows.push(row.failed(error.failure()));
                 self.poses.push(None);
                 return;
             }

@@ -3,6 +3,7 @@ use pliant_deform::{DeformError, HandleFault};
 use thiserror::Error;
 
 use crate::SceneError;
+use crate::report::{Failure, FailureKind};
 
 /// Why an edit or a sweep could not be made.
 #[derive(Debug, Error)]
@@ -35,11 +36,23 @@ pub enum StudyError {
     },
     /// A cage size could not be read.
     #[error(
-        "`{found}` is not a cage size: use a number of vertices (2000), a share (5%), a distance (error:0.002) or none"
+        "`{found}` is not a cage size: use a number of vertices (2000), a share (5%), a distance (error:0.002), one of \
+         these after decimated: or equal-time:, or none"
     )]
     BadSize {
         /// What was given.
         found: String,
+    },
+    /// A range of cage sizes could not be read.
+    #[error(
+        "`{found}` is not a range of cage sizes: use two numbers of vertices or two shares, the smaller one first \
+         (100..5000, 1%..50%), and how many, 2 to {most}, after a colon if you like (1%..50%:8)"
+    )]
+    BadRange {
+        /// What was given.
+        found: String,
+        /// The largest number allowed.
+        most: usize,
     },
     /// What a solve starts from could not be read.
     #[error("`{found}` is not a start: use levels or pose")]
@@ -58,6 +71,13 @@ pub enum StudyError {
 }
 
 impl StudyError {
+    /// Whose fault it is, and in what words.
+    pub fn failure(&self) -> Failure {
+        let numeric = matches!(self, Self::Deform(error) if error.is_numeric());
+        let kind = if numeric { FailureKind::Numeric } else { FailureKind::Input };
+        Failure { kind, reason: self.to_string() }
+    }
+
     /// A solver's error in the scene's words.
     pub(crate) fn deform<'n>(error: DeformError, mut names: impl Iterator<Item = &'n str>) -> Self {
         match error {

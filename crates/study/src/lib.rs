@@ -5,6 +5,7 @@
 
 mod compare;
 mod error;
+mod machine;
 mod measure;
 pub mod paper;
 mod pipeline;
@@ -19,9 +20,12 @@ pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
 pub use pipeline::{Bound, CONVERGED_STEPS, Caged, Dragged, Study, count};
-pub use report::{Comparison, Detail, ImplicitRow, ModelInfo, ReportError, SweepReport, SweepRow};
+pub use report::{
+    Comparison, Detail, Failure, FailureKind, ImplicitRow, Machine, ModelInfo, NO_CAGE, PICTURE_WORST, Refusal,
+    ReportError, RowKey, RowTimes, Spread, SweepReport, SweepRow,
+};
 pub use scene::{ResolvedHandle, ResolvedScene, Scene, SceneError};
-pub use settings::{CONVERGED, Iterations, Schedule, StartFrom, SweepSize};
+pub use settings::{CONVERGED, Iterations, Schedule, Setting, StartFrom, SweepSize, equal_time_vertices};
 pub use stages::{Stages, timed};
-pub use sweep::{PAPER_SCENE, SweepPlan, sweep};
+pub use sweep::{Made, PAPER_SCENE, RowMaker, SweepPlan, sweep};
 pub use timing::{Timing, TimingPlan, time_stages};

@@ -4,17 +4,19 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_cage::{Propagation, Propagator};
-use pliant_deform::Method;
+use pliant_deform::{RefineOptions, Refiner};
+use pliant_mesh::TriMesh;
 use pliant_mesh::metrics::{edge_errors, flipped_faces, largest_free_stretch, rms_distance, volume_change};
 
-use crate::SweepRow;
 use crate::pipeline::{Bound, Caged, Dragged, Study, count, median};
-use crate::report::NO_CAGE;
-use crate::settings::Schedule;
-use crate::stages::{Stages, milliseconds};
+use crate::report::{RowTimes, Spread, p95};
+use crate::settings::{Setting, SweepSize};
+use crate::stages::{Stages, milliseconds, repeated};
+use crate::{StudyError, SweepRow};
 
 impl Study<'_> {
-    /// Carries a pose of the control mesh to the shape, and measures it.
+    /// Carries a pose of the control mesh to the shape, and measures it. Where a decimated mesh was deformed in place of the shape, the pose
+    /// is that of its vertices.
     pub fn carry(
         &self,
         caged: &Caged,
@@ -23,99 +25,160 @@ impl Study<'_> {
         propagation: Propagation,
         stages: &dyn Stages,
     ) -> (Vec<DVec3>, SweepRow) {
-        let mut propagator = Propagator::new(propagation).with_fit(self.frame_fit());
-        let mut pose = self.shape.positions.clone();
-        propagator.apply(&bound.binding, &caged.mesh.positions, &mut pose);
-        let topology = self.shape.topology();
-        let rest = edge_errors(topology, &self.shape.positions, &pose);
-        let (_, scale) = self.shape.bounds().normal_frame();
-        let moved = pose.iter().zip(&self.shape.positions).map(|(p, x)| p.distance(*x) * scale);
-        let rest_error_max = moved.fold(0.0, f64::max);
-
-        let mut times = Vec::new();
-        let direct = bound.options.is_none();
-        if direct {
-            pose.copy_from_slice(&dragged.pose);
-            times.push(0.0);
-        } else {
-            stages.begin("propagate");
-            for _ in 0..PROPAGATIONS_TIMED {
-                let start = Instant::now();
-                propagator.apply(&bound.binding, &dragged.pose, &mut pose);
-                times.push(milliseconds(start.elapsed()));
-            }
-            let time = std::time::Duration::from_secs_f64(median(times.clone()) / 1e3);
-            stages.end("propagate", time, &format!("{} vertices by {propagation}", count(pose.len())));
-        }
-        let errors = edge_errors(topology, &self.shape.positions, &pose);
-        let cage_errors = edge_errors(caged.mesh.topology(), &caged.mesh.positions, &dragged.pose);
-        let report = bound.binding.report();
-        let goals = self.scene.goals(1.0);
-        let missed = self.scene.handles.iter().zip(&goals).flat_map(|(handle, goal)| {
-            handle.vertices.iter().map(|v| v as usize).map(|v| pose[v].distance(goal.apply(self.shape.positions[v])))
-        });
-        let handle_error_max = missed.fold(0.0, f64::max) * scale;
-        let mut warnings: Vec<String> = caged.warnings.iter().chain(&dragged.warnings).cloned().collect();
-        warnings.extend(report.warnings());
-        if rest.rms_relative > POP {
-            warnings.push(format!(
-                "with nothing deformed, propagation by {propagation} under {} already changes edge lengths by {:.0} % \
-                 (root mean square); propagation by frames changes none",
-                bound.options.map_or(NO_CAGE.to_owned(), |p| p.to_string()),
-                1e2 * rest.rms_relative
-            ));
-        }
-        let row = SweepRow {
-            volume_change: volume_change(topology, &self.shape.positions, &pose),
-            flipped_faces: Some(flipped_faces(topology, &self.shape.positions, &pose)),
-            distance_to_converged: self.converged.as_ref().map(|converged| rms_distance(&pose, converged) * scale),
-            max_free_stretch: largest_free_stretch(topology, &self.shape.positions, &pose, |v| self.labels[v as usize]),
-            cage_rms_relative: cage_errors.rms_relative,
-            rest_rms_relative: rest.rms_relative,
-            rest_error_max,
-            handle_error_max,
-            prepare_ms: dragged.prepare_ms,
-            drag_ms: dragged.drag_ms,
-            propagate_ms: median(times),
-            warnings,
-            ..self.row(caged, bound, &dragged.method, dragged.schedule, propagation)
+        let decimated = matches!(caged.size, SweepSize::Decimated(_) | SweepSize::EqualTime(_));
+        let setting = Setting {
+            size: caged.size,
+            method: dragged.method.clone(),
+            schedule: dragged.schedule,
+            propagation,
+            bind: bound.options.unwrap_or_default(),
         };
-        (pose, row.with_edge_errors(&errors))
+        let mut row = self.row(caged, bound, &setting);
+        row.warnings.extend(dragged.warnings.iter().cloned());
+        row.times.prepare_ms = Spread::of(&dragged.prepare_ms);
+        row.times.drag_ms = Spread::of(&dragged.drag_ms);
+        row.times.drag_p95_ms = p95(&dragged.drag_ms);
+        let cage_errors = edge_errors(caged.mesh.topology(), &caged.mesh.positions, &dragged.pose);
+        row.cage_rms_relative = cage_errors.rms_relative;
+        let pose = if bound.options.is_none() {
+            dragged.pose.clone()
+        } else {
+            row.warnings.extend(bound.binding.report().warnings());
+            self.propagate(caged, bound, dragged, propagation, &mut row, stages)
+        };
+        // A decimated mesh is judged by its own edges: the shape's are lost.
+        let rest = if decimated { &caged.mesh } else { self.shape };
+        let labels: Vec<u32> = match &caged.simplified {
+            Some(made) if decimated => made.origin.iter().map(|&v| self.labels[v as usize]).collect(),
+            _ => self.labels.clone(),
+        };
+        let row = self.judge(rest, &labels, &pose, row);
+        let row = self.compare_with_converged(caged, decimated, &pose, row);
+        (pose, row)
     }
 
-    /// A row of what was asked, with the cage and the binding, before anything is deformed.
-    pub(crate) fn row(
+    /// Takes the motion of the control mesh to the shape; adds what that says of the binding at rest, and times.
+    fn propagate(
         &self,
         caged: &Caged,
         bound: &Bound,
-        method: &Method,
-        schedule: Schedule,
+        dragged: &Dragged,
         propagation: Propagation,
-    ) -> SweepRow {
-        let report = bound.binding.report();
-        let or_none = |text: String| if bound.options.is_none() { NO_CAGE.to_owned() } else { text };
+        row: &mut SweepRow,
+        stages: &dyn Stages,
+    ) -> Vec<DVec3> {
+        let topology = self.shape.topology();
+        let mut propagator = Propagator::new(propagation).with_fit(self.frame_fit());
+        let mut pose = self.shape.positions.clone();
+        propagator.apply(&bound.binding, &caged.mesh.positions, &mut pose);
+        row.rest_rms_relative = edge_errors(topology, &self.shape.positions, &pose).rms_relative;
+        let moved = pose.iter().zip(&self.shape.positions).map(|(p, x)| p.distance(*x) * self.scale());
+        row.rest_error_max = moved.fold(0.0, f64::max);
+        if row.rest_rms_relative > POP {
+            row.warnings.push(format!(
+                "with nothing deformed, propagation by {propagation} under {} already changes edge lengths by {:.0} % \
+                 (root mean square); propagation by frames changes none",
+                row.prune,
+                1e2 * row.rest_rms_relative
+            ));
+        }
+        stages.begin("propagate");
+        let mut times = Vec::new();
+        for _ in 0..PROPAGATIONS_TIMED.max(self.repeats) {
+            let start = Instant::now();
+            propagator.apply(&bound.binding, &dragged.pose, &mut pose);
+            times.push(milliseconds(start.elapsed()));
+        }
+        row.times.propagate_ms = Spread::of(&times);
+        let time = std::time::Duration::from_secs_f64(median(times) / 1e3);
+        stages.end("propagate", time, &format!("{} vertices by {propagation}", count(pose.len())));
+        pose
+    }
+
+    /// Fills in what a pose of the shape, or of the decimated mesh, says by itself.
+    fn judge(&self, rest: &TriMesh, labels: &[u32], pose: &[DVec3], row: SweepRow) -> SweepRow {
+        let topology = rest.topology();
+        let errors = edge_errors(topology, &rest.positions, pose);
+        let goals = self.scene.goals(1.0);
+        let missed = labels.iter().enumerate().filter(|(_, label)| **label > 0).map(|(v, &label)| {
+            goals.get(label as usize - 1).map_or(0.0, |goal| pose[v].distance(goal.apply(rest.positions[v])))
+        });
         SweepRow {
-            model: self.model.clone(),
-            vertices: self.shape.vertex_count(),
-            scene: self.scene.name.clone(),
-            cage_asked: caged.size.to_string(),
+            volume_change: volume_change(topology, &rest.positions, pose),
+            flipped_faces: Some(flipped_faces(topology, &rest.positions, pose)),
+            max_free_stretch: largest_free_stretch(topology, &rest.positions, pose, |v| labels[v as usize]),
+            handle_error_max: missed.fold(0.0, f64::max) * self.scale(),
+            ..row
+        }
+        .with_edge_errors(&errors)
+    }
+
+    /// Fills in the distances to the converged pose, if that is known.
+    fn compare_with_converged(&self, caged: &Caged, decimated: bool, pose: &[DVec3], row: SweepRow) -> SweepRow {
+        let Some(converged) = &self.converged else { return row };
+        let distance = match &caged.simplified {
+            Some(made) if decimated => {
+                let places: Vec<DVec3> = made.origin.iter().map(|&v| converged[v as usize]).collect();
+                rms_distance(pose, &places)
+            }
+            _ => rms_distance(pose, converged),
+        };
+        SweepRow { distance_to_converged: Some(distance * self.scale()), ..row }
+    }
+
+    /// Refines a pose of the shape at full resolution, and adds what came of it to its row.
+    ///
+    /// # Errors
+    /// As [`Refiner::prepare`] and [`Refiner::step`].
+    pub fn refine(&self, pose: &[DVec3], row: &mut SweepRow, stages: &dyn Stages) -> Result<Vec<DVec3>, StudyError> {
+        let mut warnings = Vec::new();
+        let region = Self::joined(&self.region()?, self.shape, &mut warnings);
+        let work = |_: &dyn pliant_mesh::Progress| {
+            let mut refined = pose.to_vec();
+            let mut refiner = Refiner::prepare(self.shape, &region, &RefineOptions::default())?;
+            refiner.begin(&self.scene.goals_with_turns(1.0), pose)?;
+            for _ in 0..self.refine_steps {
+                if refiner.step()?.settled {
+                    break;
+                }
+            }
+            refiner.positions(&mut refined)?;
+            Ok(refined)
+        };
+        let described = |_: &Vec<DVec3>| format!("{} steps at full resolution", self.refine_steps);
+        let (refined, times) =
+            repeated(self.repeats, stages, "refine", work, described).map_err(|error| self.named(error))?;
+        row.times.refine_ms = Spread::of(&times);
+        row.refine_steps = Some(self.refine_steps);
+        let rest = &self.shape.positions;
+        row.refined_rms_relative = Some(edge_errors(self.shape.topology(), rest, &refined).rms_relative);
+        row.refined_distance_to_converged =
+            self.converged.as_ref().map(|converged| rms_distance(&refined, converged) * self.scale());
+        Ok(refined)
+    }
+
+    /// 1 over the diagonal of the shape's bounding box.
+    fn scale(&self) -> f64 {
+        self.shape.bounds().normal_frame().1
+    }
+
+    /// A row of what was asked, with the cage and the binding, before anything is deformed.
+    pub(crate) fn row(&self, caged: &Caged, bound: &Bound, setting: &Setting) -> SweepRow {
+        let report = bound.binding.report();
+        SweepRow {
             cage_vertices: caged.mesh.vertex_count(),
-            // Iterations are the schedule's, which rows tell apart.
-            method: method.with_default_iterations().to_string(),
-            propagation: or_none(propagation.to_string()),
-            prune: or_none(bound.options.map_or_else(String::new, |options| options.to_string())),
-            steps: schedule.steps,
-            start: or_none(schedule.start.to_string()),
-            iterations: schedule.count(method).map(|n| n as usize),
-            linear: !method.iterates(),
             kept_mean: report.kept_mean,
             kept_max: report.kept_max,
             negative_share: report.negative_share,
             unsafe_rows: report.unsafe_rows,
-            simplify_ms: caged.simplify_ms,
-            bind_ms: bound.bind_ms,
             warnings: caged.warnings.clone(),
-            ..SweepRow::default()
+            times: RowTimes {
+                repeats: self.repeats,
+                simplify_ms: Spread::of(&caged.simplify_ms),
+                bind_ms: Spread::of(&bound.bind_ms),
+                ..RowTimes::default()
+            },
+            ..setting.row(&self.model, self.shape.vertex_count(), &self.scene.name)
         }
     }
 }

@@ -5,13 +5,13 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use pliant_cage::{BindOptions, Binding, CageError, Simplified, simplify};
+use pliant_cage::{BindOptions, Binding, CageError, CageSize, Simplified, simplify};
 use pliant_deform::{DeformError, Deformer, Handle, ImplicitReport, Method, Region};
-use pliant_mesh::{FrameFit, TriMesh, VertexSet};
+use pliant_mesh::{FrameFit, Silent, TriMesh, VertexSet};
 use pliant_session::{Levels, NoRoom, carry_region};
 
-use crate::settings::{CONVERGED, Iterations, MOST_ITERATIONS, Schedule, StartFrom, SweepSize};
-use crate::stages::{Stages, milliseconds, timed};
+use crate::settings::{CONVERGED, Iterations, MOST_ITERATIONS, Schedule, StartFrom, SweepSize, equal_time_vertices};
+use crate::stages::{Stages, milliseconds, repeated, timed};
 use crate::{ResolvedScene, Scene, StudyError};
 
 /// A shape, its scene, and what every row says of them.
@@ -25,6 +25,10 @@ pub struct Study<'a> {
     pub(crate) labels: Vec<u32>,
     /// The pose that results are compared with, if that was asked for.
     pub(crate) converged: Option<Vec<DVec3>>,
+    /// How often each stage is run to time it, at least once.
+    pub repeats: usize,
+    /// Steps of refinement on the shape after each drag on a cage; 0 for none.
+    pub refine_steps: usize,
 }
 
 /// A control mesh with the scene's handles on it. Without a cage, the shape itself.
@@ -35,8 +39,8 @@ pub struct Caged {
     pub mesh: TriMesh,
     /// How it was made; `None` without a cage.
     pub simplified: Option<Simplified>,
-    /// Time it took to make.
-    pub simplify_ms: f64,
+    /// Times it took to make, in milliseconds; none without a cage.
+    pub simplify_ms: Vec<f64>,
     pub(crate) region: Region,
     levels: Levels,
     pub(crate) warnings: Vec<String>,
@@ -61,8 +65,8 @@ pub struct Bound {
     pub binding: Binding,
     /// How they were made; `None` without a cage.
     pub options: Option<BindOptions>,
-    /// Time to bind.
-    pub bind_ms: f64,
+    /// Times to bind, in milliseconds; none without a cage.
+    pub bind_ms: Vec<f64>,
 }
 
 /// A pose of the control mesh and the times it took.
@@ -71,8 +75,9 @@ pub struct Dragged {
     pub pose: Vec<DVec3>,
     pub(crate) method: Method,
     pub(crate) schedule: Schedule,
-    pub(crate) prepare_ms: f64,
-    pub(crate) drag_ms: f64,
+    pub(crate) prepare_ms: Vec<f64>,
+    /// Of every step and repeat; of all steps of a repeat together where it ran until it converged.
+    pub(crate) drag_ms: Vec<f64>,
     /// What an implicit method counted and timed.
     pub(crate) implicit: Option<ImplicitReport>,
     pub(crate) warnings: Vec<String>,
@@ -87,7 +92,7 @@ impl<'a> Study<'a> {
         let scene = scene.resolve(shape)?;
         let handle_of_vertex = scene.handle_of_vertex(shape.vertex_count());
         let labels = handle_of_vertex.into_iter().map(|h| h.map_or(0, |k| k as u32 + 1)).collect();
-        Ok(Self { shape, model: model.into(), scene, labels, converged: None })
+        Ok(Self { shape, model: model.into(), scene, labels, converged: None, repeats: 1, refine_steps: 0 })
     }
 
     /// Finds the pose that [`crate::SweepRow::distance_to_converged`] is measured from: as-rigid-as-possible deformation without a cage, default
@@ -110,27 +115,43 @@ impl<'a> Study<'a> {
         self.scene.handles.iter().map(|h| (h.name.as_str(), h.vertices.len()))
     }
 
-    /// Makes the control mesh and puts the handles on it.
+    /// Makes the control mesh, or the decimated one, and puts the handles on it.
     ///
     /// # Errors
     /// The size is out of range, or two handles would have to share a cage vertex.
     pub fn cage(&self, size: SweepSize, stages: &dyn Stages) -> Result<Caged, StudyError> {
+        self.cage_for(size, Iterations::Count(2), stages)
+    }
+
+    /// As [`Self::cage`]; a mesh of [`SweepSize::EqualTime`] is for so many iterations.
+    pub(crate) fn cage_for(
+        &self,
+        size: SweepSize,
+        iterations: Iterations,
+        stages: &dyn Stages,
+    ) -> Result<Caged, StudyError> {
         let region = self.region()?;
         let mut warnings = Vec::new();
-        let SweepSize::Cage(cage_size) = size else {
-            let (mesh, region) = (self.shape.clone(), Self::joined(&region, self.shape, &mut warnings));
-            let levels = Levels::default();
-            return Ok(Caged { size, mesh, simplified: None, simplify_ms: 0.0, region, levels, warnings });
+        let (cage_size, decimated) = match size {
+            SweepSize::Cage(size) => (size, false),
+            SweepSize::Decimated(size) => (size, true),
+            SweepSize::EqualTime(size) => (CageSize::Vertices(self.equal_time(size, iterations)?), true),
+            SweepSize::None => {
+                let (mesh, region) = (self.shape.clone(), Self::joined(&region, self.shape, &mut warnings));
+                let (simplified, simplify_ms, levels) = (None, Vec::new(), Levels::default());
+                return Ok(Caged { size, mesh, simplified, simplify_ms, region, levels, warnings });
+            }
         };
         let work = |progress: &dyn pliant_mesh::Progress| {
             let made = simplify(self.shape, &cage_size.into(), progress)?;
-            let levels = Levels::new(&made.mesh, progress)?;
+            // A decimated mesh is deformed as the shape itself would be, without levels.
+            let levels = if decimated { Levels::default() } else { Levels::new(&made.mesh, progress)? };
             Ok::<_, CageError>((made, levels))
         };
         let describe = |(made, _): &(Simplified, Levels)| {
             format!("{} of {} vertices", count(made.report.reached), count(self.shape.vertex_count()))
         };
-        let ((made, levels), simplify_ms) = timed(stages, "simplify", work, describe)?;
+        let ((made, levels), simplify_ms) = repeated(self.repeats, stages, "simplify", work, describe)?;
         // With nothing collapsed the cage is the shape itself, vertices without faces included.
         let whole = made.report.reached + made.report.unused == self.shape.vertex_count();
         let (mesh, region, levels) = if whole {
@@ -152,8 +173,24 @@ impl<'a> Study<'a> {
         Ok(Caged { size, mesh, simplified: Some(made), simplify_ms, region, levels, warnings })
     }
 
+    /// Vertices of the decimated mesh that takes as long as a cage of some size.
+    fn equal_time(&self, size: CageSize, iterations: Iterations) -> Result<usize, StudyError> {
+        let shape = self.shape.vertex_count();
+        let cage = match size {
+            CageSize::Vertices(n) => n,
+            CageSize::Fraction(share) => (share * shape as f64).round() as usize,
+            // Only the simplifier knows how many vertices keep within a distance.
+            CageSize::Error(_) => simplify(self.shape, &size.into(), &Silent)?.report.reached,
+        };
+        let iterations = match iterations {
+            Iterations::Count(n) => n,
+            Iterations::Converged => USUAL_ITERATIONS,
+        };
+        Ok(equal_time_vertices(shape, cage, iterations))
+    }
+
     /// The handles of the scene on the shape.
-    fn region(&self) -> Result<Region, StudyError> {
+    pub(crate) fn region(&self) -> Result<Region, StudyError> {
         let n = self.shape.vertex_count();
         let handles: Vec<Handle> = (1..=self.scene.handles.len() as u32)
             .map(|own| Handle::hard(VertexSet::where_true(n, |v| self.labels[v as usize] == own)))
@@ -162,7 +199,7 @@ impl<'a> Study<'a> {
     }
 
     /// The region without what is joined to no handle on the control mesh, which stays where it is; said in a warning.
-    fn joined(region: &Region, mesh: &TriMesh, warnings: &mut Vec<String>) -> Region {
+    pub(crate) fn joined(region: &Region, mesh: &TriMesh, warnings: &mut Vec<String>) -> Region {
         let (region, left_out) = region.without_unconstrained(mesh.topology());
         if left_out > 0 {
             warnings.push(format!(
@@ -191,11 +228,12 @@ impl<'a> Study<'a> {
         stages: &dyn Stages,
     ) -> Result<Bound, StudyError> {
         let options = options.into();
-        let Some(cage) = &caged.simplified else {
-            return Ok(Bound { binding: Binding::identity(self.shape), options: None, bind_ms: 0.0 });
+        let (SweepSize::Cage(_), Some(cage)) = (caged.size, &caged.simplified) else {
+            return Ok(Bound { binding: Binding::identity(self.shape), options: None, bind_ms: Vec::new() });
         };
         let whole = caged.mesh.vertex_count() == self.shape.vertex_count();
-        let (binding, bind_ms) = timed(
+        let (binding, bind_ms) = repeated(
+            self.repeats,
             stages,
             &format!("bind {options}"),
             |progress| {
@@ -217,7 +255,23 @@ impl<'a> Study<'a> {
         schedule: Schedule,
         stages: &dyn Stages,
     ) -> Result<Dragged, StudyError> {
-        let named = |e| StudyError::deform(e, self.scene.handles.iter().map(|h| h.name.as_str()));
+        let mut dragged = self.drag_once(caged, method, schedule, stages)?;
+        for _ in 1..self.repeats {
+            let again = self.drag_once(caged, method, schedule, &Silent)?;
+            dragged.prepare_ms.extend(again.prepare_ms);
+            dragged.drag_ms.extend(again.drag_ms);
+        }
+        Ok(dragged)
+    }
+
+    fn drag_once(
+        &self,
+        caged: &Caged,
+        method: &Method,
+        schedule: Schedule,
+        stages: &dyn Stages,
+    ) -> Result<Dragged, StudyError> {
+        let named = |e| self.named(e);
         let (first, last) = match schedule.iterations {
             _ if !method.iterates() => (method.clone(), None),
             Iterations::Count(n) => (method.with_iterations(n), None),
@@ -226,22 +280,14 @@ impl<'a> Study<'a> {
             }
         };
         let steps = schedule.steps.max(1);
-        let describe = |caged: &Caged| format!("{} vertices", count(caged.mesh.vertex_count()));
-        let (mut stepper, mut prepare_ms) = timed(
-            stages,
-            "prepare",
-            |_| {
-                if steps > 1 || last.is_none() { caged.prepare(&first, schedule.start).map(Some) } else { Ok(None) }
-            },
-            |_| describe(caged),
-        )
-        .map_err(named)?;
-        let mut finisher = None;
-        if let Some(last) = &last {
-            let start = Instant::now();
-            finisher = Some(caged.prepare(last, schedule.start).map_err(named)?);
-            prepare_ms = milliseconds(start.elapsed());
-        }
+        // Those of the steps before the last, and of the last one if it is another.
+        let prepare = |_: &dyn pliant_mesh::Progress| {
+            let stepper = if steps > 1 || last.is_none() { Some(caged.prepare(&first, schedule.start)?) } else { None };
+            let finisher = last.as_ref().map(|last| caged.prepare(last, schedule.start)).transpose()?;
+            Ok((stepper, finisher))
+        };
+        let size = format!("{} vertices", count(caged.mesh.vertex_count()));
+        let ((mut stepper, mut finisher), prepare_ms) = timed(stages, "prepare", prepare, |_| size).map_err(named)?;
         let mut warnings = Vec::new();
         let work = |progress: &dyn pliant_mesh::Progress| {
             let mut pose = caged.mesh.positions.clone();
@@ -267,16 +313,21 @@ impl<'a> Study<'a> {
         let told = format!("{steps} {}, {}", if steps == 1 { "step" } else { "steps" }, schedule.text(method));
         let ((pose, times), _) = timed(stages, "solve", work, |_| told).map_err(named)?;
         // A drag of so many iterations costs the same each time; one that converges is only worth its total.
-        let drag_ms = if last.is_some() { times.iter().sum() } else { median(times) };
+        let drag_ms = if last.is_some() { vec![times.iter().sum()] } else { times };
         Ok(Dragged {
             pose,
             method: method.clone(),
             schedule: Schedule { steps, ..schedule },
-            prepare_ms,
+            prepare_ms: vec![prepare_ms],
             drag_ms,
             implicit: finisher.or(stepper).and_then(|deformer| deformer.implicit_report()),
             warnings,
         })
+    }
+
+    /// A solver's error in the scene's words.
+    pub(crate) fn named(&self, error: DeformError) -> StudyError {
+        StudyError::deform(error, self.scene.handles.iter().map(|h| h.name.as_str()))
     }
 
     /// Frames that turn, and scale if a handle of the scene does.
@@ -288,6 +339,9 @@ impl<'a> Study<'a> {
 
 /// Steps in which the pose that results are compared with is reached: none of them turns a handle by half a turn before five full ones.
 pub const CONVERGED_STEPS: usize = 10;
+
+/// Iterations that one which ends by itself is reckoned to take.
+const USUAL_ITERATIONS: u32 = 100;
 
 /// The middle value; the lower of two middle ones; 0 of none.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {

@@ -42,6 +42,28 @@ pub fn timed<T, E>(
     Ok((made, milliseconds(time)))
 }
 
+/// Runs `work` as a stage, then again until it was run `repeats` times, and returns what it made first and how long each took, in
+/// milliseconds.
+///
+/// # Errors
+/// Whatever `work` returns.
+pub(crate) fn repeated<T, E>(
+    repeats: usize,
+    stages: &dyn Stages,
+    stage: &str,
+    work: impl Fn(&dyn Progress) -> Result<T, E>,
+    result: impl FnOnce(&T) -> String,
+) -> Result<(T, Vec<f64>), E> {
+    let (made, first) = timed(stages, stage, &work, result)?;
+    let mut times = vec![first];
+    for _ in 1..repeats {
+        let start = Instant::now();
+        work(&Silent)?;
+        times.push(milliseconds(start.elapsed()));
+    }
+    Ok((made, times))
+}
+
 /// A duration in milliseconds.
 pub(crate) fn milliseconds(time: Duration) -> f64 {
     1e3 * time.as_secs_f64()

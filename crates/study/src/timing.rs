@@ -12,6 +12,7 @@ use pliant_mesh::Progress;
 use serde::{Deserialize, Serialize};
 
 use crate::StudyError;
+use crate::machine::{cpu_name, peak_memory_bytes};
 use crate::pipeline::{Study, count, median};
 use crate::settings::SweepSize;
 use crate::stages::{Stages, milliseconds, timed};
@@ -210,7 +211,7 @@ pub fn time_stages(
     read_ms: f64,
     stages: &dyn Stages,
 ) -> Result<Timing, StudyError> {
-    if plan.cage == SweepSize::None {
+    if !matches!(plan.cage, SweepSize::Cage(_)) {
         return Err(StudyError::BadSize { found: plan.cage.to_string() });
     }
     let start = Instant::now();
@@ -227,13 +228,13 @@ pub fn time_stages(
     let work = |_: &dyn Progress| drag.repeat(plan, &mut carry);
     let (times, _) = timed(stages, "drag", work, |times| format!("{} drags", times.whole.len()))?;
     let normals_ms = time_normals(study, &shape, plan)?;
-    let peak_rss_bytes = peak_rss_bytes();
+    let peak_rss_bytes = peak_memory_bytes();
 
     let propagate_bytes = bound.binding.propagated_bytes();
     let copy_ms = drag.time_copy(propagate_bytes, plan)?;
     let refactor_ms = drag.time_refactor(plan)?;
-    let simplify_again = || study.cage(plan.cage, stages).map(|made| made.simplify_ms);
-    let bind_again = |options: BindOptions| study.bind(&caged, options, stages).map(|made| made.bind_ms);
+    let simplify_again = || study.cage(plan.cage, stages).map(|made| median(made.simplify_ms));
+    let bind_again = |options: BindOptions| study.bind(&caged, options, stages).map(|made| median(made.bind_ms));
     let prepare_again = || {
         let start = Instant::now();
         prepare(study, plan, &caged)?;
@@ -258,8 +259,8 @@ pub fn time_stages(
         repeats: plan.repeats.max(1),
         drags: times.whole.len(),
         read_ms,
-        simplify_ms: plan.median(plan.repeats, caged.simplify_ms, simplify_again)?,
-        bind_ms: plan.median(plan.repeats, bound.bind_ms, || bind_again(plan.bind))?,
+        simplify_ms: plan.median(plan.repeats, median(caged.simplify_ms.clone()), simplify_again)?,
+        bind_ms: plan.median(plan.repeats, median(bound.bind_ms.clone()), || bind_again(plan.bind))?,
         bind_exact_ms: plan.exact.then(|| bind_again(BindOptions { exact: true, ..rule })).transpose()?,
         bind_magnitude_ms: plan
             .exact
@@ -288,21 +289,6 @@ fn high_percentile(times: &[f64]) -> f64 {
     sorted.sort_unstable_by(f64::total_cmp);
     let at = (99 * sorted.len()).div_ceil(100).saturating_sub(1);
     sorted.get(at).copied().unwrap_or(0.0)
-}
-
-/// What the processor calls itself, where Linux knows it.
-fn cpu_name() -> Option<String> {
-    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
-    let (_, name) =
-        text.lines().filter_map(|line| line.split_once(':')).find(|(key, _)| key.trim_end() == "model name")?;
-    Some(name.trim().to_owned())
-}
-
-/// High-water mark of the resident set, which Linux keeps.
-fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
 #[cfg(test)]

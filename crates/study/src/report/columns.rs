@@ -1,6 +1,6 @@
 //! The one list of columns that both CSV and Markdown are written from.
 
-use super::SweepRow;
+use super::{Spread, SweepRow};
 
 /// A column of the table.
 pub(super) struct Column {
@@ -39,6 +39,8 @@ pub(super) enum Cell {
     Number(f64),
     /// Milliseconds.
     Time(f64),
+    /// Bytes, shown in millions.
+    Bytes(u64),
     Missing,
 }
 
@@ -48,6 +50,7 @@ impl Cell {
         match self {
             Self::Text(text) => text.clone(),
             Self::Count(count) => count.to_string(),
+            Self::Bytes(count) => count.to_string(),
             Self::Share(x) | Self::Number(x) | Self::Time(x) => format!("{x:?}"),
             Self::Missing => String::new(),
         }
@@ -62,6 +65,7 @@ impl Cell {
             Self::Time(x) if x.abs() >= 99.95 => format!("{x:.0}"),
             Self::Time(x) if x.abs() >= 9.995 => format!("{x:.1}"),
             Self::Time(x) => fixed_or_tiny(*x, 2),
+            Self::Bytes(count) => format!("{:.0}", *count as f64 / 1e6),
             _ => self.exact(),
         }
     }
@@ -93,8 +97,28 @@ fn share(figure: Option<f64>) -> Cell {
     figure.map_or(Cell::Missing, Cell::Share)
 }
 
+fn count(figure: Option<usize>) -> Cell {
+    figure.map_or(Cell::Missing, Cell::Count)
+}
+
+fn time(figure: Option<f64>) -> Cell {
+    figure.map_or(Cell::Missing, Cell::Time)
+}
+
+fn median(spread: Option<Spread>) -> Cell {
+    time(spread.map(|spread| spread.median))
+}
+
+fn min(spread: Option<Spread>) -> Cell {
+    time(spread.map(|spread| spread.min))
+}
+
+fn max(spread: Option<Spread>) -> Cell {
+    time(spread.map(|spread| spread.max))
+}
+
 /// Every column in the order of the tables, from what was asked over what came out to what it took.
-pub(super) const COLUMNS: [Column; 38] = {
+pub(super) const COLUMNS: [Column; 62] = {
     use Shown::{Always, Full, Main, Never, Setting};
 
     const fn column(key: &'static str, heading: &'static str, shown: Shown, cell: fn(&SweepRow) -> Cell) -> Column {
@@ -102,6 +126,7 @@ pub(super) const COLUMNS: [Column; 38] = {
     }
 
     [
+        column("id", "id", Never, |r| text(&r.id)),
         column("model", "model", Setting, |r| text(&r.model)),
         column("vertices", "vertices", Setting, |r| Cell::Count(r.vertices)),
         column("scene", "scene", Setting, |r| text(&r.scene)),
@@ -120,7 +145,7 @@ pub(super) const COLUMNS: [Column; 38] = {
         column("cage_vertices", "cage vertices", Always, |r| Cell::Count(r.cage_vertices)),
         column("rms_relative", "RMS relative (%)", Always, |r| Cell::Share(r.rms_relative)),
         column("relative_rms", "relative RMS (%)", Main, |r| Cell::Share(r.relative_rms)),
-        column("published", "published (%)", Main, |r| r.published.map_or(Cell::Missing, Cell::Share)),
+        column("published", "published (%)", Main, |r| share(r.published)),
         column("edge_median", "median (%)", Full, |r| Cell::Share(r.edge_median)),
         column("edge_p95", "p95 (%)", Full, |r| Cell::Share(r.edge_p95)),
         column("edge_p99", "p99 (%)", Main, |r| Cell::Share(r.edge_p99)),
@@ -133,18 +158,47 @@ pub(super) const COLUMNS: [Column; 38] = {
         column("distance_to_converged", "from converged ARAP (% of diagonal)", Main, |r| {
             share(r.distance_to_converged)
         }),
+        column("hausdorff_to_converged", "Hausdorff from it (% of diagonal)", Main, |r| {
+            share(r.hausdorff_to_converged)
+        }),
+        column("refine_steps", "refine steps", Setting, |r| count(r.refine_steps)),
+        column("refined_rms_relative", "refined RMS (%)", Main, |r| share(r.refined_rms_relative)),
+        column("refined_distance_to_converged", "refined, from converged (% of diagonal)", Main, |r| {
+            share(r.refined_distance_to_converged)
+        }),
         column("volume_change", "volume change (%)", Main, |r| share(r.volume_change)),
-        column("flipped_faces", "flipped faces", Main, |r| r.flipped_faces.map_or(Cell::Missing, Cell::Count)),
+        column("area_change", "area change (%)", Full, |r| share(r.area_change)),
+        column("flipped_faces", "flipped faces", Main, |r| count(r.flipped_faces)),
+        column("intersecting_faces", "intersecting face pairs", Main, |r| count(r.intersecting_faces)),
         column("kept_mean", "kept mean", Main, |r| Cell::Number(r.kept_mean)),
         column("kept_max", "kept max", Main, |r| Cell::Count(r.kept_max)),
         column("negative_share", "negative weights (%)", Full, |r| Cell::Share(r.negative_share)),
         column("unsafe_rows", "unsafe rows", Full, |r| Cell::Count(r.unsafe_rows)),
-        column("simplify_ms", "simplify (ms)", Main, |r| Cell::Time(r.simplify_ms)),
-        column("bind_ms", "bind (ms)", Main, |r| Cell::Time(r.bind_ms)),
-        column("prepare_ms", "prepare (ms)", Main, |r| Cell::Time(r.prepare_ms)),
-        column("drag_ms", "drag (ms)", Main, |r| Cell::Time(r.drag_ms)),
-        column("propagate_ms", "propagate (ms)", Main, |r| Cell::Time(r.propagate_ms)),
-        column("published_ms", "published (ms)", Main, |r| r.published_ms.map_or(Cell::Missing, Cell::Time)),
+        column("repeats", "repeats", Setting, |r| Cell::Count(r.times.repeats)),
+        column("simplify_ms", "simplify (ms)", Main, |r| median(r.times.simplify_ms)),
+        column("simplify_ms_min", "simplify, min (ms)", Never, |r| min(r.times.simplify_ms)),
+        column("simplify_ms_max", "simplify, max (ms)", Never, |r| max(r.times.simplify_ms)),
+        column("bind_ms", "bind (ms)", Main, |r| median(r.times.bind_ms)),
+        column("bind_ms_min", "bind, min (ms)", Never, |r| min(r.times.bind_ms)),
+        column("bind_ms_max", "bind, max (ms)", Never, |r| max(r.times.bind_ms)),
+        column("prepare_ms", "prepare (ms)", Main, |r| median(r.times.prepare_ms)),
+        column("prepare_ms_min", "prepare, min (ms)", Never, |r| min(r.times.prepare_ms)),
+        column("prepare_ms_max", "prepare, max (ms)", Never, |r| max(r.times.prepare_ms)),
+        column("drag_ms", "drag (ms)", Main, |r| median(r.times.drag_ms)),
+        column("drag_ms_min", "drag, min (ms)", Never, |r| min(r.times.drag_ms)),
+        column("drag_ms_max", "drag, max (ms)", Never, |r| max(r.times.drag_ms)),
+        column("drag_p95_ms", "drag, p95 (ms)", Full, |r| time(r.times.drag_p95_ms)),
+        column("propagate_ms", "propagate (ms)", Main, |r| median(r.times.propagate_ms)),
+        column("propagate_ms_min", "propagate, min (ms)", Never, |r| min(r.times.propagate_ms)),
+        column("propagate_ms_max", "propagate, max (ms)", Never, |r| max(r.times.propagate_ms)),
+        column("refine_ms", "refine (ms)", Main, |r| median(r.times.refine_ms)),
+        column("refine_ms_min", "refine, min (ms)", Never, |r| min(r.times.refine_ms)),
+        column("refine_ms_max", "refine, max (ms)", Never, |r| max(r.times.refine_ms)),
+        column("peak_memory_bytes", "peak memory (MB)", Full, |r| {
+            r.times.peak_memory_bytes.map_or(Cell::Missing, Cell::Bytes)
+        }),
+        column("published_ms", "published (ms)", Main, |r| time(r.published_ms)),
+        column("failure", "failure", Never, |r| r.failure.as_ref().map_or(Cell::Missing, |f| text(&f.reason))),
         column("warnings", "warnings", Never, |r| Cell::Text(r.warnings.join("; "))),
     ]
 };

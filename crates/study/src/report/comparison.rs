@@ -79,8 +79,7 @@ impl Comparison {
     pub fn to_markdown(&self, detail: Detail) -> String {
         let mut out = String::new();
         for case in &self.cases {
-            let names = [&case.model.name, &case.scene].map(|name| in_markdown(name));
-            let _ = writeln!(out, "## {}, scene {}\n\n{}", names[0], names[1], case.to_markdown(detail));
+            let _ = writeln!(out, "## {}\n\n{}", in_markdown(&case.subject()), case.to_markdown(detail));
         }
         if !self.implicit.is_empty() {
             out.push_str("## Implicit Laplacian editing, the columns of its paper's Table 1\n\n");
@@ -124,11 +123,14 @@ mod tests {
     /// Two cases, the second with a line of Table 1; a name that Markdown would read as the end of a cell.
     fn comparison() -> Comparison {
         let case = |name: &str, methods: &[&str]| {
-            let mut report = SweepReport::new(ModelInfo { name: name.to_owned(), ..ModelInfo::default() }, "scene");
-            report.rows = methods
-                .iter()
-                .map(|method| SweepRow { model: name.to_owned(), method: (*method).to_owned(), ..SweepRow::default() })
-                .collect();
+            let mut report = SweepReport::new(vec![ModelInfo { name: name.to_owned(), ..ModelInfo::default() }]);
+            let row = |method: &&str| SweepRow {
+                model: name.to_owned(),
+                scene: "scene".to_owned(),
+                method: (*method).to_owned(),
+                ..SweepRow::default()
+            };
+            report.rows = methods.iter().map(row).collect();
             report
         };
         let report = ImplicitReport {

@@ -12,28 +12,69 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
+
 use pliant_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use comparison::{Comparison, ImplicitRow};
-pub use row::{NO_CAGE, SweepRow};
+pub(crate) use row::p95;
+pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;
+
+/// What [`SweepReport::schema`] says of this form. The number grows when a field changes its meaning or goes; new fields leave it.
+pub const SCHEMA: &str = "pliant-sweep/2";
 
 /// The result of a sweep.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SweepReport {
+    /// [`SCHEMA`].
+    pub schema: String,
     /// Version of Pliant that made it.
     pub version: String,
-    /// The shape that was deformed.
-    pub model: ModelInfo,
-    /// Name of the scene.
-    pub scene: String,
+    /// Where it was made, which times depend on and nothing else; `null` for rows that were merged from several machines.
+    #[serde(default)]
+    pub machine: Option<Machine>,
+    /// The shapes that were deformed, in the order of the plan.
+    pub models: Vec<ModelInfo>,
     /// What holds for the whole sweep and a reader must know, as whole sentences.
     #[serde(default)]
     pub notes: Vec<String>,
-    /// One row per cage size and setting, in the order they were run.
+    /// What was asked for and could not even be begun.
+    #[serde(default)]
+    pub refused: Vec<Refusal>,
+    /// One row per model, scene, cage size and setting, in the order of the plan.
     pub rows: Vec<SweepRow>,
+    /// Pictures of the edited shapes by the rows' ids: PNG in base64, coloured by the mean relative length error of the edges at each
+    /// vertex from 0 (violet) to [`PICTURE_WORST`] (yellow).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub pictures: BTreeMap<String, String>,
+}
+
+/// The mean edge error at a vertex that has the last colour in pictures.
+pub const PICTURE_WORST: f64 = 0.3;
+
+/// A machine, as far as times depend on it.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Machine {
+    /// What the processor calls itself; `null` where the system does not tell.
+    pub cpu: Option<String>,
+    /// Threads that worked.
+    pub threads: usize,
+    /// Median time of a loop of the arithmetic and memory traffic that stages are made of, run beside the rows: times of two machines are
+    /// compared as multiples of it. `null` if it was not run.
+    #[serde(default)]
+    pub calibration_ms: Option<f64>,
+}
+
+/// A model of a plan that no row could be planned for.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// The model, as the plan names it.
+    pub model: String,
+    /// Why, in a sentence.
+    pub reason: String,
 }
 
 /// What a report says about its model.
@@ -50,6 +91,9 @@ pub struct ModelInfo {
     pub diagonal: f64,
     /// Whether the surface has no boundary.
     pub closed: bool,
+    /// What was repaired when it was read, as whole sentences.
+    #[serde(default)]
+    pub notes: Vec<String>,
 }
 
 impl ModelInfo {
@@ -61,6 +105,7 @@ impl ModelInfo {
             faces: shape.face_count(),
             diagonal: shape.bounds().diagonal(),
             closed: shape.topology().is_closed(),
+            notes: Vec::new(),
         }
     }
 }
@@ -80,18 +125,31 @@ pub struct ReportError {
 }
 
 impl SweepReport {
-    /// An empty report by this version of the library.
-    pub fn new(model: ModelInfo, scene: impl Into<String>) -> Self {
-        Self {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            model,
-            scene: scene.into(),
-            notes: Vec::new(),
-            rows: Vec::new(),
+    /// An empty report by this version of the library, of some models.
+    pub fn new(models: Vec<ModelInfo>) -> Self {
+        Self { schema: SCHEMA.to_owned(), version: env!("CARGO_PKG_VERSION").to_owned(), models, ..Self::default() }
+    }
+
+    /// Models and scenes of the rows, in words: `bunny.obj, scene auto`.
+    pub fn subject(&self) -> String {
+        let mut models: Vec<&str> = self.models.iter().map(|model| model.name.as_str()).collect();
+        let mut scenes: Vec<&str> = self.rows.iter().map(|row| row.scene.as_str()).collect();
+        models.dedup();
+        scenes.sort_unstable();
+        scenes.dedup();
+        match &scenes[..] {
+            [] => models.join(", "),
+            [scene] => format!("{}, scene {scene}", models.join(", ")),
+            scenes => format!("{}, scenes {}", models.join(", "), scenes.join(", ")),
         }
     }
 
-    /// Indented JSON, `{"version", "model", "scene", "notes", "rows": [...]}`, ending with a line break.
+    /// Rows that have no figures.
+    pub fn failures(&self) -> impl Iterator<Item = (&SweepRow, &Failure)> {
+        self.rows.iter().filter_map(|row| Some((row, row.failure.as_ref()?)))
+    }
+
+    /// Indented JSON ending with a line break; `data/schema/sweep.schema.json` describes it.
     ///
     /// A figure that is not finite becomes `null`.
     pub fn to_json(&self) -> String {

@@ -110,10 +110,14 @@ impl SweepReport {
     }
 
     fn draw_title(&self, scene: &mut Scene, all: &AllSeries, missing: usize) {
-        let title = format!("{}, {} vertices", shortened(&self.model.name, 60), grouped(self.model.vertices as f64));
+        let title = match &self.models[..] {
+            [model] => format!("{}, {} vertices", shortened(&model.name, 60), grouped(model.vertices as f64)),
+            models => format!("{} models", models.len()),
+        };
         scene.add(text(&title, MARGIN, 28.0, 18, TextAnchor::Start, true));
-        // The model stands in the title already.
-        let mut said: Vec<String> = all.common.iter().filter(|part| **part != self.model.name).cloned().collect();
+        // A single model stands in the title already.
+        let in_title = |part: &str| matches!(&self.models[..], [model] if part == model.name);
+        let mut said: Vec<String> = all.common.iter().filter(|part| !in_title(part)).cloned().collect();
         if missing > 0 {
             said.push(format!("{missing} figures cannot be drawn"));
         }

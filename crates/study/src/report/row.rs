@@ -1,3 +1,5 @@
+//! What a sweep says of one edit.
+
 use pliant_mesh::metrics::EdgeErrors;
 use serde::{Deserialize, Serialize};
 
@@ -7,16 +9,20 @@ pub const NO_CAGE: &str = "none";
 /// One edit: a cage size and a way to bind, solve and propagate, with its errors and times.
 ///
 /// Errors are fractions (0.05 is 5 %), times milliseconds. Edge errors compare edge lengths of the edited shape with those
-/// at rest ([`EdgeErrors`]). A figure that is not finite is `null` in JSON and is read back as NaN.
+/// at rest ([`EdgeErrors`]). A figure that is not finite is `null` in JSON and is read back as NaN. All but [`Self::times`] is the same,
+/// bit for bit, wherever and however often the row is made.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SweepRow {
+    /// 32 hexadecimal digits that belong to the model's bytes, scene, settings and version; empty where none were asked for.
+    #[serde(default)]
+    pub id: String,
     /// The shape: file name or generator.
     pub model: String,
     /// Its vertices.
     pub vertices: usize,
     /// Name of the scene.
     pub scene: String,
-    /// The cage size as asked for: `2000`, `5%`, or [`NO_CAGE`].
+    /// The cage size as asked for: `2000`, `5%`, [`NO_CAGE`], or a decimated mesh in its place: `decimated:3000`, `equal-time:5%`.
     pub cage_asked: String,
     /// Vertices of the cage that was made; all of the shape's without a cage.
     pub cage_vertices: usize,
@@ -36,6 +42,9 @@ pub struct SweepRow {
     /// Whether the method solves linear systems instead of iterating.
     #[serde(default)]
     pub linear: bool,
+    /// Why the row has no figures; `null` for one that has.
+    #[serde(default)]
+    pub failure: Option<Failure>,
 
     /// `sqrt(mean ((l' - l) / l)^2)`: the headline.
     #[serde(with = "null_is_nan")]
@@ -74,14 +83,32 @@ pub struct SweepRow {
     /// Change of the signed volume as a share of that at rest; `null` for an open mesh.
     #[serde(default)]
     pub volume_change: Option<f64>,
-    /// Faces that turned over against the surface round them ([`flipped_faces`](pliant_mesh::metrics::flipped_faces)); `null` where the
-    /// method gave no pose.
+    /// Change of the area as a share of that at rest.
+    #[serde(default)]
+    pub area_change: Option<f64>,
+    /// Faces that turned over against the surface round them ([`flipped_faces`](pliant_mesh::metrics::flipped_faces)).
     #[serde(default)]
     pub flipped_faces: Option<usize>,
+    /// Pairs of faces that pass through each other.
+    #[serde(default)]
+    pub intersecting_faces: Option<usize>,
     /// Root mean square distance of the vertices to where converged as-rigid-as-possible deformation without a cage puts them, as a
     /// fraction of the diagonal; `null` unless asked for.
     #[serde(default)]
     pub distance_to_converged: Option<f64>,
+    /// Hausdorff distance of the surface to that of converged as-rigid-as-possible deformation without a cage, as a fraction of the
+    /// diagonal; `null` unless asked for.
+    #[serde(default)]
+    pub hausdorff_to_converged: Option<f64>,
+    /// Steps of refinement at full resolution that the two figures below are of; `null` unless asked for.
+    #[serde(default)]
+    pub refine_steps: Option<usize>,
+    /// [`Self::rms_relative`] after refinement.
+    #[serde(default)]
+    pub refined_rms_relative: Option<f64>,
+    /// [`Self::distance_to_converged`] after refinement.
+    #[serde(default)]
+    pub refined_distance_to_converged: Option<f64>,
     /// The paper's error for this model and cage size.
     #[serde(default)]
     pub published: Option<f64>,
@@ -99,26 +126,86 @@ pub struct SweepRow {
     pub negative_share: f64,
     /// Shape vertices whose weights are so large that they may blow up.
     pub unsafe_rows: usize,
-
-    /// Time to make the cage.
-    #[serde(with = "null_is_nan")]
-    pub simplify_ms: f64,
-    /// Time to bind the shape to it.
-    #[serde(with = "null_is_nan")]
-    pub bind_ms: f64,
-    /// Time to assemble and factor the solver's matrix for these handles.
-    #[serde(with = "null_is_nan")]
-    pub prepare_ms: f64,
-    /// Time to solve on the cage: of one step (the median over the steps), or of all steps together when it ran until it
-    /// converged.
-    #[serde(with = "null_is_nan")]
-    pub drag_ms: f64,
-    /// Time to carry one step's result to the shape (the median over the steps).
-    #[serde(with = "null_is_nan")]
-    pub propagate_ms: f64,
     /// What the user must know about this row.
     #[serde(default)]
     pub warnings: Vec<String>,
+
+    /// What it took, which differs from run to run.
+    #[serde(default)]
+    pub times: RowTimes,
+}
+
+/// Times and memory of a row. Stages that rows share are timed once and stand in each of them.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RowTimes {
+    /// How often each stage was run to time it.
+    pub repeats: usize,
+    /// To make the cage; `null` without one, as for the next.
+    pub simplify_ms: Option<Spread>,
+    /// To bind the shape to it.
+    pub bind_ms: Option<Spread>,
+    /// To assemble and factor the solver's matrix for these handles.
+    pub prepare_ms: Option<Spread>,
+    /// To solve on the cage: one step, over all steps and repeats; or all steps together where it ran until it converged.
+    pub drag_ms: Option<Spread>,
+    /// 95 % of those took no longer.
+    pub drag_p95_ms: Option<f64>,
+    /// To carry one step's result to the shape.
+    pub propagate_ms: Option<Spread>,
+    /// To refine at full resolution, preparation included.
+    pub refine_ms: Option<Spread>,
+    /// The most memory that the process held while the row was made, in bytes; `null` where the system does not tell. Rows made one after
+    /// the other share what they have in common, which counts for each.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// Repeated times, in milliseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Spread {
+    /// The middle one; the lower of two.
+    pub median: f64,
+    /// The shortest.
+    pub min: f64,
+    /// The longest.
+    pub max: f64,
+}
+
+impl Spread {
+    /// Of one time or more; none of none.
+    pub fn of(times: &[f64]) -> Option<Self> {
+        let mut sorted = times.to_vec();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let (min, max) = (*sorted.first()?, *sorted.last()?);
+        Some(Self { median: sorted[(sorted.len() - 1) / 2], min, max })
+    }
+}
+
+/// A time that 95 % of some do not exceed; none of none.
+pub(crate) fn p95(times: &[f64]) -> Option<f64> {
+    let mut sorted = times.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let rank = (0.95 * sorted.len() as f64).ceil() as usize;
+    sorted.get(rank.max(1) - 1).copied()
+}
+
+/// Why a row has no figures.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// Whose fault it is.
+    pub kind: FailureKind,
+    /// In a sentence.
+    pub reason: String,
+}
+
+/// Kinds of failures of rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FailureKind {
+    /// What was given cannot be done: a model that cannot be read, a scene that does not fit it, a cage too small for it.
+    Input,
+    /// The computation led to nothing that can be used.
+    Numeric,
 }
 
 impl SweepRow {
@@ -127,9 +214,30 @@ impl SweepRow {
         self.cage_asked == NO_CAGE
     }
 
-    /// Time from a moved handle to the moved shape: solve and propagation.
+    /// Whether a decimated mesh was deformed in place of the shape.
+    pub fn is_decimated(&self) -> bool {
+        self.cage_asked.starts_with("decimated:") || self.cage_asked.starts_with("equal-time:")
+    }
+
+    /// What was asked, without model bytes and version: rows of two reports with the same key are to be compared.
+    pub fn key(&self) -> RowKey<'_> {
+        RowKey {
+            model: &self.model,
+            scene: &self.scene,
+            method: &self.method,
+            cage: &self.cage_asked,
+            propagation: &self.propagation,
+            prune: &self.prune,
+            steps: self.steps,
+            start: &self.start,
+            iterations: self.iterations,
+        }
+    }
+
+    /// Time from a moved handle to the moved shape, solve and propagation: medians. NaN where there are none.
     pub fn edit_ms(&self) -> f64 {
-        self.drag_ms + self.propagate_ms
+        let RowTimes { drag_ms: Some(drag), propagate_ms, .. } = self.times else { return f64::NAN };
+        drag.median + propagate_ms.map_or(0.0, |time| time.median)
     }
 
     /// The row with the edge errors of the edited shape filled in, and a warning if some edges have none.
@@ -150,9 +258,9 @@ impl SweepRow {
         }
     }
 
-    /// The row of a method that gave no pose: no figures, and the reason as a warning.
+    /// The row of an edit that gave no pose: no figures of it, and the reason.
     #[must_use]
-    pub fn refused(self, reason: &str) -> Self {
+    pub fn failed(self, failure: Failure) -> Self {
         let nothing = EdgeErrors {
             rms_relative: f64::NAN,
             relative_rms: f64::NAN,
@@ -162,20 +270,16 @@ impl SweepRow {
             max: f64::NAN,
             degenerate: 0,
         };
-        let mut row = Self {
+        Self {
             max_free_stretch: f64::NAN,
             cage_rms_relative: f64::NAN,
             handle_error_max: f64::NAN,
-            prepare_ms: f64::NAN,
-            drag_ms: f64::NAN,
-            propagate_ms: f64::NAN,
-            volume_change: None,
-            flipped_faces: None,
-            distance_to_converged: None,
+            rest_rms_relative: f64::NAN,
+            rest_error_max: f64::NAN,
+            failure: Some(failure),
             ..self
-        };
-        row.warnings.push(format!("{} refused: {reason}", row.method));
-        row.with_edge_errors(&nothing)
+        }
+        .with_edge_errors(&nothing)
     }
 
     /// `20 steps of 2 iterations`, `2 iterations`, `converged`, `linear`, ...
@@ -190,6 +294,41 @@ impl SweepRow {
             (..=1, _) => each,
             (steps, Some(_)) => format!("{steps} steps of {each}"),
             (steps, None) => format!("{steps} steps, {each}"),
+        }
+    }
+}
+
+/// What a row was asked to be; see [`SweepRow::key`]. Its text names the row to people.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct RowKey<'a> {
+    model: &'a str,
+    scene: &'a str,
+    method: &'a str,
+    cage: &'a str,
+    propagation: &'a str,
+    prune: &'a str,
+    steps: usize,
+    start: &'a str,
+    iterations: Option<usize>,
+}
+
+impl std::fmt::Display for RowKey<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { model, scene, method, cage, propagation, prune, steps, start, iterations } = self;
+        write!(f, "{model}, scene {scene}, {method}, ")?;
+        match *cage {
+            NO_CAGE => f.write_str("no cage")?,
+            cage => write!(f, "cage {cage}")?,
+        }
+        if *propagation != NO_CAGE {
+            write!(f, ", {propagation}, {prune}")?;
+        }
+        if !start.is_empty() && *start != NO_CAGE {
+            write!(f, ", start {start}")?;
+        }
+        match iterations {
+            Some(count) => write!(f, ", {steps} x {count}"),
+            None => write!(f, ", {steps} x all"),
         }
     }
 }

@@ -83,9 +83,17 @@ impl SweepReport {
 
     fn write_remarks(&self, out: &mut String) {
         let warnings = self.rows.iter().enumerate().flat_map(|(k, row)| {
-            row.warnings.iter().map(move |warning| format!("Row {}: {}", k + 1, in_markdown(warning)))
+            let failure = row.failure.as_ref().map(|failure| format!("no figures: {}", failure.reason));
+            let all = failure.into_iter().chain(row.warnings.iter().cloned());
+            all.map(move |warning| format!("Row {}: {}", k + 1, in_markdown(&warning)))
         });
-        let remarks: Vec<String> = warnings.chain(self.notes.iter().map(|note| in_markdown(note))).collect();
+        let refused = self.refused.iter().map(|r| in_markdown(&format!("{} was refused: {}", r.model, r.reason)));
+        let of_models = self
+            .models
+            .iter()
+            .flat_map(|model| model.notes.iter().map(|note| in_markdown(&format!("{}: {note}", model.name))));
+        let notes = self.notes.iter().map(|note| in_markdown(note));
+        let remarks: Vec<String> = warnings.chain(refused).chain(of_models).chain(notes).collect();
         if !remarks.is_empty() {
             out.push('\n');
             remarks.iter().for_each(|remark| out.push_str(&format!("- {remark}\n")));

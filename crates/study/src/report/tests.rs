@@ -10,8 +10,15 @@ use crate::paper::paper_sizes;
 ///
 /// Figures follow simple laws of the cage size: tests ask how they are written, not what they are.
 fn sweep(vertices: usize) -> SweepReport {
-    let model = ModelInfo { name: "shape.obj".to_owned(), vertices, faces: 2 * vertices, diagonal: 1.7, closed: true };
-    let mut report = SweepReport::new(model, "armadillo-2");
+    let model = ModelInfo {
+        name: "shape.obj".to_owned(),
+        vertices,
+        faces: 2 * vertices,
+        diagonal: 1.7,
+        closed: true,
+        notes: Vec::new(),
+    };
+    let mut report = SweepReport::new(vec![model]);
     for (cage, published) in paper_sizes(vertices).sizes {
         for (steps, iterations) in [(20, Some(2)), (1, None)] {
             for (propagation, worse) in [("positions", 2.5), ("frames", 1.0)] {
@@ -45,8 +52,11 @@ fn sweep(vertices: usize) -> SweepReport {
                         rest_error_max: 1e-15 * size,
                         kept_mean: 1.0 / 3.0,
                         kept_max: 260,
-                        drag_ms: size * if iterations.is_some() { 1e-3 } else { 1e-2 },
-                        propagate_ms: 0.7 * worse,
+                        times: RowTimes {
+                            drag_ms: Spread::of(&[size * if iterations.is_some() { 1e-3 } else { 1e-2 }]),
+                            propagate_ms: Spread::of(&[0.7 * worse]),
+                            ..RowTimes::default()
+                        },
                         published: published.map(|row| row.rms),
                         published_ms: published.map(|row| row.ms),
                         ..SweepRow::default()
@@ -64,7 +74,7 @@ const HOSTILE: &str = "a,\"b\"\r\nc|d <&> $x^2$ é \u{1}";
 
 fn hostile() -> SweepReport {
     let mut report = sweep(43_243);
-    report.model.name = HOSTILE.to_owned();
+    report.models[0].name = HOSTILE.to_owned();
     report.notes.push(HOSTILE.to_owned());
     report.rows[0].model = HOSTILE.to_owned();
     report.rows[1].warnings = vec![HOSTILE.to_owned(), "second".to_owned()];
@@ -99,12 +109,13 @@ fn json_gives_back_the_same_report_to_the_last_bit() {
     let mut report = sweep(43_243);
     let mut x = 0.1_f64;
     for row in &mut report.rows {
-        (x, row.rms_relative, row.bind_ms) = (x.next_up(), x, 1e5 * x.sqrt());
+        (x, row.rms_relative, row.times.bind_ms) = (x.next_up(), x, Spread::of(&[1e5 * x.sqrt()]));
     }
     let again = SweepReport::read_json(&report.to_json(), "report.json").expect("own JSON");
     for (a, b) in report.rows.iter().zip(&again.rows) {
         assert_eq!(a.rms_relative.to_bits(), b.rms_relative.to_bits());
-        assert_eq!(a.bind_ms.to_bits(), b.bind_ms.to_bits());
+        let bind = |row: &SweepRow| row.times.bind_ms.map(|time| time.median.to_bits());
+        assert_eq!(bind(a), bind(b));
     }
 }
 
@@ -127,11 +138,8 @@ fn json_has_the_fields_that_scripts_rely_on() {
         "rest_error_max",
         "kept_mean",
         "kept_max",
-        "simplify_ms",
-        "bind_ms",
-        "prepare_ms",
-        "drag_ms",
-        "propagate_ms",
+        "times",
+        "failure",
     ] {
         assert!(rows.iter().all(|row| row.get(field).is_some()), "{field}");
     }
@@ -153,7 +161,7 @@ fn figures_that_are_not_finite_are_null_and_come_back_as_nan() {
 #[test]
 fn what_is_no_report_is_refused_with_its_place() {
     for (text, says) in [
-        ("{\n}", "r.json:2:1: missing field `version`"),
+        ("{\n}", "r.json:2:1: missing field `schema`"),
         ("[", "r.json:1:1: EOF while parsing a list"),
         (&sweep(43_243).to_json().replacen("\"steps\": 20", "\"steps\": -1", 1), "invalid value: integer `-1`"),
     ] {
@@ -182,7 +190,7 @@ fn csv_is_what_another_reader_reads() {
         assert_eq!(at(k, "iterations"), if row.iterations.is_some() { "2" } else { "converged" });
     }
     // Quoted where RFC 4180 asks for it and nowhere else.
-    assert!(csv.contains("\r\n\"a,\"\"b\"\"\r\nc|d <&> $x^2$ é \u{1}\",43243,armadillo-2,"));
+    assert!(csv.contains("\r\n,\"a,\"\"b\"\"\r\nc|d <&> $x^2$ é \u{1}\",43243,armadillo-2,"));
     assert_eq!(csv.matches('"').count(), 12);
     assert!(sweep(43_243).to_csv().split("\r\n").skip(1).all(|line| !line.contains(['"', '\n'])));
 }
@@ -190,8 +198,16 @@ fn csv_is_what_another_reader_reads() {
 #[test]
 fn csv_and_json_name_the_same_fields() {
     let value: serde_json::Value = serde_json::from_str(&sweep(43_243).to_json()).expect("JSON");
-    let json: HashSet<&str> = value["rows"][0].as_object().expect("a row").keys().map(String::as_str).collect();
-    let csv: HashSet<&str> = COLUMNS.iter().map(|column| column.key).collect();
+    let row = value["rows"][0].as_object().expect("a row");
+    let mut json: HashSet<String> = row.keys().filter(|key| *key != "times").cloned().collect();
+    // A repeated time is three columns, the median under its own name.
+    for key in row["times"].as_object().expect("times").keys() {
+        json.insert(key.clone());
+        if key.ends_with("_ms") && key != "drag_p95_ms" {
+            json.extend(["min", "max"].map(|end| format!("{key}_{end}")));
+        }
+    }
+    let csv: HashSet<String> = COLUMNS.iter().map(|column| column.key.to_owned()).collect();
     assert_eq!(json, csv);
     assert_eq!(csv.len(), COLUMNS.len(), "no name twice");
 }
@@ -294,8 +310,9 @@ fn schedules_read_as_sentences() {
 #[test]
 fn what_a_row_has_not_is_a_dash() {
     let row = |method: &str, linear| SweepRow { method: method.to_owned(), linear, ..SweepRow::default() };
-    let mut report = SweepReport::new(ModelInfo::default(), "scene");
-    report.rows = vec![row("arap", false), row("implicit", true), row("dual", false).refused("no, because")];
+    let mut report = SweepReport::new(vec![ModelInfo::default()]);
+    let failure = Failure { kind: FailureKind::Input, reason: "no, because".to_owned() };
+    report.rows = vec![row("arap", false), row("implicit", true), row("dual", false).failed(failure)];
     let table = markdown_table(&report.to_markdown(Detail::Full));
     let column = |name: &str| {
         let at = table[0].iter().position(|heading| heading == name).unwrap_or_else(|| panic!("{name}"));
@@ -303,7 +320,7 @@ fn what_a_row_has_not_is_a_dash() {
     };
     assert_eq!(column("iterations"), ["converged", "-", "converged"]);
     assert_eq!(column("RMS relative (%)"), ["0", "0", "-"]);
-    assert!(report.to_markdown(Detail::Main).contains("Row 3: dual refused: no, because"));
+    assert!(report.to_markdown(Detail::Main).contains("Row 3: no figures: no, because"));
     let read = SweepReport::read_json(&report.to_json(), "r.json").expect("JSON");
     assert!(read.rows[2].rms_relative.is_nan() && read.rows[1].linear && read.rows[1].iterations.is_none());
 }
@@ -406,7 +423,8 @@ fn an_svg_is_well_formed_whatever_it_is_given() {
     // Nothing at all, a single row, nothing but zeros, nothing that can be drawn.
     svg_texts(&SweepReport::default().to_svg());
     for figure in [0.0, 0.05, f64::NAN, f64::INFINITY, 1e300, -1.0] {
-        let row = SweepRow { rms_relative: figure, drag_ms: figure, ..SweepRow::default() };
+        let times = RowTimes { drag_ms: Spread::of(&[figure]), ..RowTimes::default() };
+        let row = SweepRow { rms_relative: figure, times, ..SweepRow::default() };
         let direct = SweepRow { cage_asked: NO_CAGE.to_owned(), ..row.clone() };
         let report = SweepReport { rows: vec![row, direct], ..SweepReport::default() };
         let texts = svg_texts(&report.to_svg());

@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use pliant_deform::{Constraint, DeformError, Deformer, Goals, Handle, Region, Role};
+use pliant_deform::{Constraint, Deformer, Goals, Handle, Region, Role};
 use pliant_mesh::{NormalBuffer, VertexSet};
 use rayon::prelude::*;
 
@@ -56,7 +56,7 @@ impl<'a> Drag<'a> {
     /// The first step from rest; `carry` brings the pose to where it is shown.
     pub(super) fn first(&mut self, carry: &mut dyn FnMut(&[DVec3])) -> Result<(), StudyError> {
         let solved = self.deformer.solve(&goals(self.study, 1), &mut self.pose);
-        solved.map_err(|e| named(self.study, e))?;
+        solved.map_err(|e| self.study.named(e))?;
         carry(&self.pose);
         Ok(())
     }
@@ -69,7 +69,7 @@ impl<'a> Drag<'a> {
     ) -> Result<DragTimes, StudyError> {
         for step in 2..STEPS / 2 {
             let solved = self.deformer.solve(&goals(self.study, step), &mut self.pose);
-            solved.map_err(|e| named(self.study, e))?;
+            solved.map_err(|e| self.study.named(e))?;
         }
         for _ in 0..WARM_UP {
             self.solve()?;
@@ -94,7 +94,7 @@ impl<'a> Drag<'a> {
     /// One step in the middle, forth or back.
     fn solve(&mut self) -> Result<(), StudyError> {
         self.middle.swap(0, 1);
-        self.deformer.solve(&self.middle[0], &mut self.pose).map_err(|e| named(self.study, e))?;
+        self.deformer.solve(&self.middle[0], &mut self.pose).map_err(|e| self.study.named(e))?;
         Ok(())
     }
 
@@ -130,12 +130,12 @@ impl<'a> Drag<'a> {
                 }
             }
         }
-        let changed = Region::new(roles.len(), &roi, &handles).map_err(|e| named(self.study, e))?;
+        let changed = Region::new(roles.len(), &roi, &handles).map_err(|e| self.study.named(e))?;
         let (changed, _) = changed.without_unconstrained(self.caged.mesh.topology());
         let mut next = [&changed, &self.caged.region];
         let mut once = || {
             let start = Instant::now();
-            self.deformer.set_region(next[0]).map_err(|e| named(self.study, e))?;
+            self.deformer.set_region(next[0]).map_err(|e| self.study.named(e))?;
             next.swap(0, 1);
             Ok(milliseconds(start.elapsed()))
         };
@@ -146,7 +146,7 @@ impl<'a> Drag<'a> {
 /// The solver, prepared for a control mesh and the handles on it.
 pub(super) fn prepare(study: &Study<'_>, plan: &TimingPlan, caged: &Caged) -> Result<Box<dyn Deformer>, StudyError> {
     let method = plan.method.with_iterations(plan.iterations);
-    caged.prepare(&method, StartFrom::default()).map_err(|e| named(study, e))
+    caged.prepare(&method, StartFrom::default()).map_err(|e| study.named(e))
 }
 
 /// Normals of a pose of the shape.
@@ -178,8 +178,4 @@ pub(super) fn time_direct(study: &Study<'_>, plan: &TimingPlan, caged: &Caged) -
 
 fn goals(study: &Study<'_>, step: usize) -> Goals {
     study.scene.goals_with_turns(step as f64 / STEPS as f64)
-}
-
-fn named(study: &Study<'_>, error: DeformError) -> StudyError {
-    StudyError::deform(error, study.scene.handles.iter().map(|h| h.name.as_str()))
 }
