@@ -1,10 +1,9 @@
 use anyhow::{Context, Result, bail};
-use pliant::{Study, SweepSize, Timing, TimingPlan, count, time_stages};
+use pliant::{Model, Study, SweepSize, Timing, TimingPlan, count, time_stages};
 
 use crate::args::BenchOptions;
 use crate::console::{Console, print_json};
 use crate::edit::method;
-use crate::model::Model;
 
 pub(crate) fn run(options: &BenchOptions) -> Result<()> {
     if options.cage == SweepSize::None {

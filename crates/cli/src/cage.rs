@@ -1,12 +1,12 @@
 use anyhow::{Result, bail};
 use pliant::{
-    SimplifyReport, SurfaceDistance, SweepSize, can_write_mesh, count, simplify, surface_distance, timed, write,
+    Model, SimplifyReport, SurfaceDistance, SweepSize, can_write_mesh, count, simplify, surface_distance, timed, write,
 };
 use serde::Serialize;
 
 use crate::args::CageOptions;
 use crate::console::{Console, StageTime, print_json};
-use crate::model::Model;
+use crate::model::check_outputs;
 
 /// What `pliant cage --json` prints.
 #[derive(Serialize)]
@@ -36,7 +36,7 @@ pub(crate) fn run(options: &CageOptions) -> Result<()> {
     can_write_mesh(&options.output)?;
     let console = Console::new(options.json);
     let model = Model::open(&options.model, &console)?;
-    model.check_outputs([options.output.as_path()], None)?;
+    check_outputs(&model, [options.output.as_path()], None)?;
     let shape = &model.mesh;
     let (cage, _) = timed(
         &console,
@@ -52,7 +52,7 @@ pub(crate) fn run(options: &CageOptions) -> Result<()> {
     )?;
     timed(&console, "write", |_| write(&options.output, &cage.mesh), |()| options.output.display().to_string())?;
 
-    let (_, scale) = model.bounds().normal_frame();
+    let (_, scale) = model.mesh.bounds().normal_frame();
     let (before, after) = (shape.topology(), cage.mesh.topology());
     let result = CageResult {
         model: model.name.clone(),

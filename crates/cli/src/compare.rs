@@ -3,14 +3,14 @@ use std::path::PathBuf;
 use anyhow::Result;
 use pliant::glam::DVec3;
 use pliant::{
-    Bounds, CageSize, ComparePlan, Compared, Comparison, Detail, PICTURE_WORST, Picture, PictureOptions, Scene,
+    Bounds, CageSize, ComparePlan, Compared, Comparison, Detail, Model, PICTURE_WORST, Picture, PictureOptions, Scene,
     Schedule, SheetCell, SheetRow, StartFrom, SweepSize, TriMesh, Values, View, can_write, compare, contact_sheet,
     edge_errors_at_vertices, render_values, timed, trim_alike, write_atomic, write_png,
 };
 
 use crate::args::CompareOptions;
 use crate::console::Console;
-use crate::model::Model;
+use crate::model::check_outputs;
 use crate::sweep::with_extensions;
 
 pub(crate) fn run(options: &CompareOptions) -> Result<()> {
@@ -91,7 +91,7 @@ fn cases(options: &CompareOptions, console: &Console, files: &[(PathBuf, &str)])
             .collect();
     };
     let model = Model::open(name, console)?;
-    model.check_outputs(files.iter().map(|(path, _)| path.as_path()), options.scene.as_deref())?;
+    check_outputs(&model, files.iter().map(|(path, _)| path.as_path()), options.scene.as_deref())?;
     let scene = model.scene(options.scene.as_deref())?;
     Ok(vec![(model, scene)])
 }

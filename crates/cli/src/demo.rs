@@ -2,16 +2,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use pliant::{
-    BindOptions, Bounds, Iterations, Method, Picture, PictureOptions, Propagation, Scene, Schedule, Stages, StartFrom,
-    Study, SweepPlan, SweepReport, SweepRow, SweepSize, TriMesh, render, strip, sweep, timed, trim_alike, write,
-    write_png,
+    BindOptions, Bounds, Iterations, Method, Model, Picture, PictureOptions, Propagation, Scene, Schedule, Stages,
+    StartFrom, Study, SweepPlan, SweepReport, SweepRow, SweepSize, TriMesh, render, strip, sweep, timed, trim_alike,
+    write, write_png,
 };
 use serde::Serialize;
 
 use crate::args::DemoOptions;
 use crate::console::{Console, StageTime, print_json};
 use crate::edit::handle_list;
-use crate::model::Model;
 use crate::sweep::write_reports;
 
 /// What `pliant demo --json` prints.

@@ -2,14 +2,14 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use pliant::{
-    BindOptions, Document, Editor, Method, PictureOptions, Propagation, Prune, Scene, Schedule, Study, SweepRow,
+    BindOptions, Document, Editor, Method, Model, PictureOptions, Propagation, Prune, Scene, Schedule, Study, SweepRow,
     TriMesh, can_write, can_write_mesh, edge_errors, render, timed, write, write_png,
 };
 use serde::Serialize;
 
 use crate::args::EditOptions;
 use crate::console::{Console, StageTime, print_json};
-use crate::model::Model;
+use crate::model::check_outputs;
 
 /// What `pliant edit --json` prints: the row a sweep would have, and the files.
 #[derive(Serialize)]
@@ -32,10 +32,10 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
     let model = Model::open(&options.model, &console)?;
     let outputs = std::iter::once(options.output.as_path()).chain(options.picture.as_deref());
     if let Some(document) = &options.document {
-        model.check_outputs(outputs, document.to_str())?;
+        check_outputs(&model, outputs, document.to_str())?;
         return replay(options, document, &model, &console);
     }
-    model.check_outputs(outputs, options.scene.as_deref())?;
+    check_outputs(&model, outputs, options.scene.as_deref())?;
     let scene = model.scene(options.scene.as_deref())?;
 
     let study = Study::new(model.name.clone(), &model.mesh, &scene)?;

@@ -34,6 +34,12 @@ pub enum StudyError {
         /// Vertices of the cage.
         vertices: usize,
     },
+    /// Pliant is at fault.
+    #[error("{reason}")]
+    Internal {
+        /// What is known of it.
+        reason: String,
+    },
     /// A cage size could not be read.
     #[error(
         "`{found}` is not a cage size: use a number of vertices (2000), a share (5%), a distance (error:0.002), one of \
@@ -73,8 +79,11 @@ pub enum StudyError {
 impl StudyError {
     /// Whose fault it is, and in what words.
     pub fn failure(&self) -> Failure {
-        let numeric = matches!(self, Self::Deform(error) if error.is_numeric());
-        let kind = if numeric { FailureKind::Numeric } else { FailureKind::Input };
+        let kind = match self {
+            Self::Internal { .. } => FailureKind::Internal,
+            Self::Deform(error) if error.is_numeric() => FailureKind::Numeric,
+            _ => FailureKind::Input,
+        };
         Failure { kind, reason: self.to_string() }
     }
 

@@ -7,6 +7,7 @@ mod compare;
 mod error;
 mod machine;
 mod measure;
+mod model;
 pub mod paper;
 mod pipeline;
 pub mod report;
@@ -18,6 +19,7 @@ mod timing;
 
 pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
+pub use model::{Model, ModelError};
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
 pub use pipeline::{Bound, CONVERGED_STEPS, Caged, Dragged, Study, count};
 pub use report::{
@@ -27,5 +29,8 @@ pub use report::{
 pub use scene::{ResolvedHandle, ResolvedScene, Scene, SceneError};
 pub use settings::{CONVERGED, Iterations, Schedule, Setting, StartFrom, SweepSize, equal_time_vertices};
 pub use stages::{Stages, timed};
-pub use sweep::{Made, PAPER_SCENE, RowMaker, SweepPlan, sweep};
+pub use sweep::{
+    JobEntry, JobFolder, JobList, JobResult, Made, PAPER_SCENE, Preset, RowDone, RowMaker, SweepCase, SweepError,
+    SweepJob, SweepJobs, SweepPlan, SweepSpec, merge_jobs, sweep,
+};
 pub use timing::{Timing, TimingPlan, time_stages};

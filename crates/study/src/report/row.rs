@@ -206,6 +206,8 @@ pub enum FailureKind {
     Input,
     /// The computation led to nothing that can be used.
     Numeric,
+    /// Pliant is at fault: it came to a state it holds impossible.
+    Internal,
 }
 
 impl SweepRow {
@@ -314,25 +316,29 @@ pub struct RowKey<'a> {
 
 impl std::fmt::Display for RowKey<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { model, scene, method, cage, propagation, prune, steps, start, iterations } = self;
-        write!(f, "{model}, scene {scene}, {method}, ")?;
-        match *cage {
-            NO_CAGE => f.write_str("no cage")?,
-            cage => write!(f, "cage {cage}")?,
-        }
-        if *propagation != NO_CAGE {
-            write!(f, ", {propagation}, {prune}")?;
-        }
-        if !start.is_empty() && *start != NO_CAGE {
-            write!(f, ", start {start}")?;
-        }
-        match iterations {
-            Some(count) => write!(f, ", {steps} x {count}"),
-            None => write!(f, ", {steps} x all"),
-        }
+        write!(f, "{}, scene {}, {}", self.model, self.scene, self.setting())
     }
 }
 
+impl RowKey<'_> {
+    /// All but model and scene, in words: `cage 5%, arap, frames, smooth:16, start levels, 1 x 2`.
+    pub fn setting(&self) -> String {
+        let Self { method, cage, propagation, prune, steps, start, iterations, .. } = *self;
+        let mut parts = vec![if cage == NO_CAGE { "no cage".to_owned() } else { format!("cage {cage}") }];
+        parts.push(method.to_owned());
+        if propagation != NO_CAGE {
+            parts.extend([propagation.to_owned(), prune.to_owned()]);
+        }
+        if !start.is_empty() && start != NO_CAGE {
+            parts.push(format!("start {start}"));
+        }
+        parts.push(match iterations {
+            Some(count) => format!("{steps} x {count}"),
+            None => format!("{steps} x all"),
+        });
+        parts.join(", ")
+    }
+}
 /// JSON has no NaN and no infinity: they are written as `null`, and `null` is read as NaN.
 pub(super) mod null_is_nan {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
