@@ -10,6 +10,7 @@ mod measure;
 mod model;
 pub mod paper;
 mod pipeline;
+mod refined;
 pub mod report;
 pub mod scene;
 mod settings;
@@ -21,7 +22,8 @@ pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
 pub use model::{Model, ModelError};
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
-pub use pipeline::{Bound, CONVERGED_STEPS, Caged, Dragged, Study, count};
+pub use pipeline::{Bound, Caged, Dragged, Study, count};
+pub use refined::CONVERGED_STEPS;
 pub use report::{
     Comparison, Detail, Failure, FailureKind, ImplicitRow, Machine, ModelInfo, NO_CAGE, PICTURE_WORST, Refusal,
     ReportError, RowKey, RowTimes, Spread, SweepReport, SweepRow,

@@ -4,15 +4,14 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_cage::{Propagation, Propagator};
-use pliant_deform::{RefineOptions, Refiner};
 use pliant_mesh::TriMesh;
 use pliant_mesh::metrics::{edge_errors, flipped_faces, largest_free_stretch, rms_distance, volume_change};
 
+use crate::SweepRow;
 use crate::pipeline::{Bound, Caged, Dragged, Study, count, median};
 use crate::report::{RowTimes, Spread, p95};
 use crate::settings::{Setting, SweepSize};
-use crate::stages::{Stages, milliseconds, repeated};
-use crate::{StudyError, SweepRow};
+use crate::stages::{Stages, milliseconds};
 
 impl Study<'_> {
     /// Carries a pose of the control mesh to the shape, and measures it. Where a decimated mesh was deformed in place of the shape, the pose
@@ -126,39 +125,8 @@ impl Study<'_> {
         SweepRow { distance_to_converged: Some(distance * self.scale()), ..row }
     }
 
-    /// Refines a pose of the shape at full resolution, and adds what came of it to its row.
-    ///
-    /// # Errors
-    /// As [`Refiner::prepare`] and [`Refiner::step`].
-    pub fn refine(&self, pose: &[DVec3], row: &mut SweepRow, stages: &dyn Stages) -> Result<Vec<DVec3>, StudyError> {
-        let mut warnings = Vec::new();
-        let region = Self::joined(&self.region()?, self.shape, &mut warnings);
-        let work = |_: &dyn pliant_mesh::Progress| {
-            let mut refined = pose.to_vec();
-            let mut refiner = Refiner::prepare(self.shape, &region, &RefineOptions::default())?;
-            refiner.begin(&self.scene.goals_with_turns(1.0), pose)?;
-            for _ in 0..self.refine_steps {
-                if refiner.step()?.settled {
-                    break;
-                }
-            }
-            refiner.positions(&mut refined)?;
-            Ok(refined)
-        };
-        let described = |_: &Vec<DVec3>| format!("{} steps at full resolution", self.refine_steps);
-        let (refined, times) =
-            repeated(self.repeats, stages, "refine", work, described).map_err(|error| self.named(error))?;
-        row.times.refine_ms = Spread::of(&times);
-        row.refine_steps = Some(self.refine_steps);
-        let rest = &self.shape.positions;
-        row.refined_rms_relative = Some(edge_errors(self.shape.topology(), rest, &refined).rms_relative);
-        row.refined_distance_to_converged =
-            self.converged.as_ref().map(|converged| rms_distance(&refined, converged) * self.scale());
-        Ok(refined)
-    }
-
     /// 1 over the diagonal of the shape's bounding box.
-    fn scale(&self) -> f64 {
+    pub(crate) fn scale(&self) -> f64 {
         self.shape.bounds().normal_frame().1
     }
 

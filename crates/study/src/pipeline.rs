@@ -95,21 +95,6 @@ impl<'a> Study<'a> {
         Ok(Self { shape, model: model.into(), scene, labels, converged: None, repeats: 1, refine_steps: 0 })
     }
 
-    /// Finds the pose that [`crate::SweepRow::distance_to_converged`] is measured from: as-rigid-as-possible deformation without a cage, default
-    /// options, taken to the goals in [`CONVERGED_STEPS`] steps and iterated there until it converges. Rows made before have none.
-    ///
-    /// Takes as long as hundreds of iterations at full resolution.
-    ///
-    /// # Errors
-    /// As [`Self::drag`].
-    pub fn find_converged(&mut self, stages: &dyn Stages) -> Result<(), StudyError> {
-        let schedule =
-            Schedule { steps: CONVERGED_STEPS, iterations: Iterations::Converged, start: StartFrom::default() };
-        let direct = self.cage(SweepSize::None, stages)?;
-        self.converged = Some(self.drag(&direct, &Method::default(), schedule, stages)?.pose);
-        Ok(())
-    }
-
     /// Handles of the scene: name, and vertices on the shape.
     pub fn handles(&self) -> impl Iterator<Item = (&str, usize)> {
         self.scene.handles.iter().map(|h| (h.name.as_str(), h.vertices.len()))
@@ -131,7 +116,7 @@ impl<'a> Study<'a> {
         schedule: Schedule,
         stages: &dyn Stages,
     ) -> Result<Caged, StudyError> {
-        let region = self.region()?;
+        let region = self.region_of_scene()?;
         let mut warnings = Vec::new();
         let (cage_size, decimated) = match size {
             SweepSize::Cage(size) => (size, false),
@@ -193,12 +178,12 @@ impl<'a> Study<'a> {
     }
 
     /// The handles of the scene on the shape.
-    pub(crate) fn region(&self) -> Result<Region, StudyError> {
+    pub(crate) fn region_of_scene(&self) -> Result<Region, DeformError> {
         let n = self.shape.vertex_count();
         let handles: Vec<Handle> = (1..=self.scene.handles.len() as u32)
             .map(|own| Handle::hard(VertexSet::where_true(n, |v| self.labels[v as usize] == own)))
             .collect();
-        Ok(Region::new(n, &VertexSet::all(n), &handles)?)
+        Region::new(n, &VertexSet::all(n), &handles)
     }
 
     /// The region without what is joined to no handle on the control mesh, which stays where it is; said in a warning.
@@ -339,9 +324,6 @@ impl<'a> Study<'a> {
         if scales { FrameFit::Similarity } else { FrameFit::Rotation }
     }
 }
-
-/// Steps in which the pose that results are compared with is reached: none of them turns a handle by half a turn before five full ones.
-pub const CONVERGED_STEPS: usize = 10;
 
 /// In more steps than this goals are reckoned to be near.
 const FAR_STEPS: usize = 5;
