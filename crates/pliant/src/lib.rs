@@ -39,8 +39,8 @@ pub use pliant_study::{
     Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, Failure, FailureKind,
     ImplicitRow, Iterations, Machine, Made, ModelInfo, NO_CAGE, PAPER_SCENE, PICTURE_WORST, Refusal, ReportError,
     ResolvedScene, RowKey, RowMaker, RowTimes, Scene, SceneError, Schedule, Setting, Spread, Stages, StartFrom, Study,
-    StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, compare, count, equal_time_vertices,
-    paper_sizes, sweep, time_stages, timed,
+    StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, coloured, compare, count, draw_pose,
+    equal_time_vertices, paper_sizes, sweep, time_stages, timed, usual_view,
 };
 
 /// The vector types of positions and transforms.

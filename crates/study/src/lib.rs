@@ -8,6 +8,7 @@ mod error;
 mod machine;
 mod measure;
 pub mod paper;
+mod pictures;
 mod pipeline;
 pub mod report;
 pub mod scene;
@@ -19,6 +20,7 @@ mod timing;
 pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
+pub use pictures::{coloured, draw_pose, usual_view};
 pub use pipeline::{Bound, CONVERGED_STEPS, Caged, Dragged, Study, count};
 pub use report::{
     Comparison, Detail, Failure, FailureKind, ImplicitRow, Machine, ModelInfo, NO_CAGE, PICTURE_WORST, Refusal,
