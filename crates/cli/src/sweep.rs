@@ -154,6 +154,8 @@ fn spec(options: &SpecOptions) -> Result<SweepSpec, SweepError> {
     spec.start = options.start.map(|start| start.to_string()).or(spec.start);
     spec.refine = options.refine.map(|n| n as usize).or(spec.refine);
     spec.repeats = options.repeats.map(|n| n as usize).or(spec.repeats);
+    spec.camera = options.camera.map(|view| view.to_string()).or(spec.camera);
+    spec.pictures = options.no_pictures.then_some(false).or(spec.pictures);
     spec.equal_time = options.equal_time.then_some(true).or(spec.equal_time);
     spec.reference = options.no_reference.then_some(false).or(spec.reference);
     Ok(spec)

@@ -41,7 +41,8 @@ pub use pliant_study::{
     NO_CAGE, PAPER_SCENE, PICTURE_WORST, Preset, Refusal, ReportError, ResolvedScene, RowDone, RowKey, RowMaker,
     RowTimes, Scene, SceneError, Schedule, Setting, Spread, Stages, StartFrom, Study, StudyError, SweepCase,
     SweepError, SweepJob, SweepJobs, SweepPlan, SweepReport, SweepRow, SweepSize, SweepSpec, Timing, TimingPlan,
-    compare, count, equal_time_vertices, merge_jobs, paper_sizes, sweep, time_stages, timed,
+    coloured, compare, count, draw_pose, equal_time_vertices, merge_jobs, paper_sizes, sweep, time_stages, timed,
+    usual_view,
 };
 
 /// The vector types of positions and transforms.

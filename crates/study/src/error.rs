@@ -1,5 +1,7 @@
 use pliant_cage::CageError;
 use pliant_deform::{DeformError, HandleFault};
+use pliant_io::picture::PictureError;
+use pliant_mesh::MeshError;
 use thiserror::Error;
 
 use crate::SceneError;
@@ -26,6 +28,12 @@ pub enum StudyError {
         /// What is wrong with it.
         fault: HandleFault,
     },
+    /// Positions are not those of a shape's vertices.
+    #[error("this pose cannot be drawn: {0}")]
+    Pose(MeshError),
+    /// A picture cannot be drawn as asked.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
     /// A cage is too small for the scene.
     #[error("a cage of {vertices} vertices has no vertex left for handle '{handle}'; ask for a larger cage")]
     NoRoom {

@@ -9,6 +9,7 @@ mod machine;
 mod measure;
 mod model;
 pub mod paper;
+mod pictures;
 mod pipeline;
 mod refined;
 pub mod report;
@@ -22,6 +23,7 @@ pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
 pub use model::{Model, ModelError};
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
+pub use pictures::{coloured, draw_pose, usual_view};
 pub use pipeline::{Bound, Caged, Dragged, Study, count};
 pub use refined::CONVERGED_STEPS;
 pub use report::{

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use pliant::{BindOptions, Iterations, Method, Preset, Propagation, StartFrom, StudyError, SweepSize};
+use pliant::{BindOptions, Iterations, Method, Preset, Propagation, StartFrom, StudyError, SweepSize, View};
 
 /// Edit models at several cage sizes, and tabulate error and time against size.
 ///
@@ -147,6 +147,13 @@ pub(crate) struct SpecOptions {
     /// Times that each stage is run to time it; medians are shown, and the spread is kept. Default: 1.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) repeats: Option<u32>,
+    /// Where pictures are seen from: front, back, left, right, top, bottom, iso, or a direction x,y,z towards the camera. Default: as suits
+    /// the model.
+    #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
+    pub(crate) camera: Option<View>,
+    /// Make no pictures.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
 }
 
 /// A text that is a size or a range of them.
