@@ -37,10 +37,10 @@ pub use pliant_session::{
 };
 pub use pliant_study::{
     Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, Failure, FailureKind,
-    ImplicitRow, Iterations, Machine, Made, ModelInfo, NO_CAGE, PAPER_SCENE, PICTURE_WORST, Refusal, ReportError,
-    ResolvedScene, RowKey, RowMaker, RowTimes, Scene, SceneError, Schedule, Setting, Spread, Stages, StartFrom, Study,
-    StudyError, SweepPlan, SweepReport, SweepRow, SweepSize, Timing, TimingPlan, compare, count, equal_time_vertices,
-    paper_sizes, sweep, time_stages, timed,
+    FormatError, ImplicitRow, Iterations, Knee, KneeSize, KneeTarget, Machine, Made, ModelInfo, NO_CAGE, PAPER_SCENE,
+    PICTURE_WORST, Refusal, ReportError, ReportFormat, ResolvedScene, RowKey, RowMaker, RowTimes, SUMMARY_BYTES, Scene,
+    SceneError, Schedule, Setting, Spread, Stages, StartFrom, Study, StudyError, SweepPlan, SweepReport, SweepRow,
+    SweepSize, Timing, TimingPlan, compare, count, equal_time_vertices, paper_sizes, sweep, time_stages, timed,
 };
 
 /// The vector types of positions and transforms.

@@ -5,6 +5,8 @@
 
 mod columns;
 mod comparison;
+mod formats;
+mod knee;
 mod plot;
 mod row;
 mod series;
@@ -19,6 +21,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use comparison::{Comparison, ImplicitRow};
+pub use formats::{FormatError, ReportFormat, SUMMARY_BYTES};
+pub use knee::{Knee, KneeSize, KneeTarget};
 pub(crate) use row::p95;
 pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;

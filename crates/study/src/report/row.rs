@@ -208,6 +208,16 @@ pub enum FailureKind {
     Numeric,
 }
 
+impl FailureKind {
+    /// As it stands in JSON: `input` or `numeric`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Input => "input",
+            Self::Numeric => "numeric",
+        }
+    }
+}
+
 impl SweepRow {
     /// Whether the shape was deformed directly.
     pub fn is_direct(&self) -> bool {
@@ -276,6 +286,8 @@ impl SweepRow {
             handle_error_max: f64::NAN,
             rest_rms_relative: f64::NAN,
             rest_error_max: f64::NAN,
+            kept_mean: f64::NAN,
+            negative_share: f64::NAN,
             failure: Some(failure),
             ..self
         }
@@ -312,24 +324,29 @@ pub struct RowKey<'a> {
     iterations: Option<usize>,
 }
 
-impl std::fmt::Display for RowKey<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { model, scene, method, cage, propagation, prune, steps, start, iterations } = self;
-        write!(f, "{model}, scene {scene}, {method}, ")?;
-        match *cage {
-            NO_CAGE => f.write_str("no cage")?,
-            cage => write!(f, "cage {cage}")?,
-        }
+impl RowKey<'_> {
+    /// All but model and scene, in words: `arap, cage 5%, frames, local:16, start levels, 1 x 2`.
+    pub fn setting(&self) -> String {
+        let Self { method, cage, propagation, prune, steps, start, iterations, .. } = self;
+        let mut said = vec![(*method).to_owned()];
+        said.push(if *cage == NO_CAGE { "no cage".to_owned() } else { format!("cage {cage}") });
         if *propagation != NO_CAGE {
-            write!(f, ", {propagation}, {prune}")?;
+            said.push(format!("{propagation}, {prune}"));
         }
         if !start.is_empty() && *start != NO_CAGE {
-            write!(f, ", start {start}")?;
+            said.push(format!("start {start}"));
         }
-        match iterations {
-            Some(count) => write!(f, ", {steps} x {count}"),
-            None => write!(f, ", {steps} x all"),
-        }
+        said.push(match iterations {
+            Some(count) => format!("{steps} x {count}"),
+            None => format!("{steps} x all"),
+        });
+        said.join(", ")
+    }
+}
+
+impl std::fmt::Display for RowKey<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}, scene {}, {}", self.model, self.scene, self.setting())
     }
 }
 
