@@ -68,6 +68,14 @@ pub enum StudyError {
         /// The largest number allowed.
         most: usize,
     },
+    /// What is looked for among cage sizes could not be read.
+    #[error(
+        "`{found}` is not what cage sizes are searched for: use error:5%, no-cage:10% (above the error without a cage), or bend"
+    )]
+    BadKnee {
+        /// What was given.
+        found: String,
+    },
     /// What a solve starts from could not be read.
     #[error("`{found}` is not a start: use levels or pose")]
     BadStart {

@@ -5,6 +5,8 @@
 
 mod columns;
 mod comparison;
+mod formats;
+mod knee;
 mod plot;
 mod row;
 mod series;
@@ -19,6 +21,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use comparison::{Comparison, ImplicitRow};
+pub use formats::{FormatError, ReportFormat, SUMMARY_BYTES};
+pub use knee::{Knee, KneeSize, KneeTarget};
 pub(crate) use row::p95;
 pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;
@@ -46,6 +50,9 @@ pub struct SweepReport {
     pub refused: Vec<Refusal>,
     /// One row per model, scene, cage size and setting, in the order of the plan.
     pub rows: Vec<SweepRow>,
+    /// The smallest cages that will do, if they were looked for ([`Self::find_knees`]).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub knees: Vec<Knee>,
     /// Pictures of the edited shapes by the rows' ids: PNG in base64, coloured by the mean relative length error of the edges at each
     /// vertex from 0 (violet) to [`PICTURE_WORST`] (yellow).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
