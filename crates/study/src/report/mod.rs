@@ -6,6 +6,7 @@
 mod columns;
 mod comparison;
 mod formats;
+mod html;
 mod knee;
 mod plot;
 mod row;
