@@ -1,16 +1,24 @@
 //! How far one pose is from another, and one surface from another.
 //!
-//! Metrics compare position arrays; they know no method, so no method can favour itself.
+//! Metrics compare position arrays; they know no method, so no method can favour itself. Positions that are not finite make lengths, areas,
+//! volumes and distances NaN or infinite, never a number that looks like a result; what counts faces counts those too.
 
+mod area;
 mod distance;
 mod edge_length;
 mod face_tree;
 mod flips;
 mod volume;
 
+pub use area::area_change;
 pub use distance::closest_on_triangle;
 pub use distance::{SurfaceDistance, distances_to_surface, rms_distance, surface_distance};
 pub use edge_length::{EdgeErrors, edge_errors, edge_errors_at_vertices, largest_free_stretch};
 pub use face_tree::FaceTree;
 pub use flips::flipped_faces;
 pub use volume::{signed_volume, volume_change};
+
+/// The largest of lengths; 0 without any, NaN if one is.
+fn largest(lengths: impl IntoIterator<Item = f64>) -> f64 {
+    lengths.into_iter().fold(0.0, |most, length| if length > most || length.is_nan() { length } else { most })
+}
