@@ -105,6 +105,46 @@ impl FaceTree {
         Some((best.1, best.0.sqrt()))
     }
 
+    /// Faces from left to right: neighbours in the tree, and so about in space.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Corners of a face.
+    pub(super) fn corners(&self, face: u32) -> [DVec3; 3] {
+        self.corners[face as usize]
+    }
+
+    /// Calls `look` with every face right of `place` whose box meets, or touches, that of the face there; returns how many boxes
+    /// it was compared with.
+    pub(super) fn for_each_meeting(&self, place: usize, mut look: impl FnMut(u32)) -> u64 {
+        let own = Bounds::of(&self.corners[self.order[place] as usize]);
+        let is_right = |part: &Part| part.first + part.count > place + 1;
+        let all = Part { split: 0, first: 0, count: self.order.len() };
+        let mut later = [all; DEPTH];
+        let (mut put_off, mut compared) = (usize::from(is_right(&all)), 0);
+        while put_off > 0 {
+            put_off -= 1;
+            let part = later[put_off];
+            if part.count == 1 {
+                look(self.order[part.first]);
+                continue;
+            }
+            let [left, right] = part.halves();
+            let [near, far] = self.splits[part.split];
+            for (half, around) in [(right, far), (left, near)] {
+                if is_right(&half) {
+                    compared += 1;
+                    if own.min.cmple(around.max).all() && around.min.cmple(own.max).all() {
+                        later[put_off] = half;
+                        put_off += 1;
+                    }
+                }
+            }
+        }
+        compared
+    }
+
     fn square(&self, point: DVec3, face: u32) -> f64 {
         point.distance_squared(closest_on_triangle(point, self.corners[face as usize]))
     }

@@ -8,7 +8,10 @@ mod distance;
 mod edge_length;
 mod face_tree;
 mod flips;
+mod intersections;
 mod volume;
+
+use glam::DVec3;
 
 pub use area::area_change;
 pub use distance::closest_on_triangle;
@@ -16,9 +19,20 @@ pub use distance::{SurfaceDistance, distances_to_surface, rms_distance, surface_
 pub use edge_length::{EdgeErrors, edge_errors, edge_errors_at_vertices, largest_free_stretch};
 pub use face_tree::FaceTree;
 pub use flips::flipped_faces;
+pub use intersections::{IntersectionOptions, SelfIntersections, self_intersections};
 pub use volume::{signed_volume, volume_change};
 
 /// The largest of lengths; 0 without any, NaN if one is.
 fn largest(lengths: impl IntoIterator<Item = f64>) -> f64 {
     lengths.into_iter().fold(0.0, |most, length| if length > most || length.is_nan() { length } else { most })
+}
+
+/// A power of two that brings the largest finite coordinate near 1, so that products of coordinates neither over- nor underflow; scaling
+/// by it rounds nothing.
+fn unit_scale(positions: &[DVec3]) -> f64 {
+    const EXPONENT: u64 = 0x7ff;
+    let coordinates = positions.iter().filter(|p| p.is_finite()).map(|p| p.abs().max_element());
+    let exponent = (coordinates.fold(0.0, f64::max).to_bits() >> 52) & EXPONENT;
+    // The exponent of 1 is 1023; those of numbers that can be inverted are from 1 to 2045.
+    f64::from_bits((2046 - exponent.clamp(1, 2045)) << 52)
 }
