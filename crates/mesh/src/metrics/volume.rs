@@ -10,7 +10,7 @@ use crate::Topology;
 /// # Panics
 /// If `positions` is shorter than the number of vertices.
 pub fn signed_volume(topology: &Topology, positions: &[DVec3]) -> Option<f64> {
-    volume_and_rounding(topology, positions).map(|(volume, _)| volume)
+    is_enclosing(topology).then(|| volume_and_rounding(topology, positions).0)
 }
 
 /// Change of the signed volume from `rest` to `pose` as a share of the volume at rest: 0 for a rigid motion, `s^3 - 1` for a scale `s`,
@@ -22,20 +22,23 @@ pub fn signed_volume(topology: &Topology, positions: &[DVec3]) -> Option<f64> {
 /// # Panics
 /// If a slice is shorter than the number of vertices.
 pub fn volume_change(topology: &Topology, rest: &[DVec3], pose: &[DVec3]) -> Option<f64> {
-    let (before, rounding) = volume_and_rounding(topology, rest)?;
-    // Written so that NaN, which is no answer but no absence either, passes.
-    let flat = before.abs() <= rounding;
-    if flat { None } else { Some(signed_volume(topology, pose)? / before - 1.0) }
+    if !is_enclosing(topology) {
+        return None;
+    }
+    let (before, rounding) = volume_and_rounding(topology, rest);
+    // So that NaN, which is no answer but no absence either, passes.
+    let is_flat = before.abs() <= rounding;
+    (!is_flat).then(|| volume_and_rounding(topology, pose).0 / before - 1.0)
+}
+
+fn is_enclosing(topology: &Topology) -> bool {
+    !topology.triangles().is_empty() && topology.is_cycle()
 }
 
 /// The signed volume, and a bound of what rounding of the positions and in the sum may have put into it.
-fn volume_and_rounding(topology: &Topology, positions: &[DVec3]) -> Option<(f64, f64)> {
-    let &[first, ..] = topology.triangles().first()?;
-    if !topology.is_cycle() {
-        return None;
-    }
+fn volume_and_rounding(topology: &Topology, positions: &[DVec3]) -> (f64, f64) {
     // Any origin gives the same sum; one on the surface loses no digits to a mesh far from 0.
-    let origin = positions[first as usize];
+    let origin = topology.triangles().first().map_or(DVec3::ZERO, |face| positions[face[0] as usize]);
     let (mut six_fold, mut size) = (0.0, 0.0);
     for face in topology.triangles() {
         let [a, b, c] = face.map(|v| positions[v as usize]);
@@ -43,7 +46,7 @@ fn volume_and_rounding(topology: &Topology, positions: &[DVec3]) -> Option<(f64,
         six_fold += arm.dot(side.cross(other));
         size += (arm.length() + side.length()) * side.length() * other.length();
     }
-    Some((six_fold / 6.0, 4.0 * f64::EPSILON * size))
+    (six_fold / 6.0, 4.0 * f64::EPSILON * size)
 }
 
 #[cfg(test)]

@@ -19,20 +19,14 @@ use super::{FaceTree, unit_scale};
 use crate::Topology;
 
 /// How far [`self_intersections`] goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IntersectionOptions {
     /// Most pairs to list. Default: 0.
     pub listed: usize,
-    /// Work after which to stop with what was found until then: to compare two boxes counts 1, to compare two faces 16. Default: 2^30,
-    /// some seconds.
-    pub limit: u64,
-}
-
-impl Default for IntersectionOptions {
-    fn default() -> Self {
-        Self { listed: 0, limit: 1 << 30 }
-    }
+    /// Work after which to stop with what was found until then: to compare two boxes counts 1, to compare two faces 16 more; 10^8 take about
+    /// a second. Default (`None`): 2^26, and 2^11 for each face, which is ten times what surfaces without intersections take.
+    pub limit: Option<u64>,
 }
 
 /// Pairs of faces of a surface that intersect.
@@ -66,7 +60,7 @@ impl SelfIntersections {
 /// Faces are closed triangles: to touch is to intersect. What two faces share by their vertices' numbers does not count: faces with one
 /// vertex in common intersect if they have a point besides it in common, and faces with an edge in common if they are folded flat onto each
 /// other. Vertices with other numbers are others, even at the same place. Every answer is exact for the positions as they are, without a
-/// tolerance (but coordinates below 2^-200 of the largest are taken for 0). Faces without area are left out; what they pass through, faces
+/// tolerance (but coordinates below 2^-600 of the largest are taken for 0). Faces without area are left out; what they pass through, faces
 /// next to them reach too.
 ///
 /// Meshes may be open or not manifold. `O((n + k) log n)` on ordinary surfaces of `n` faces, of which `k` pairs have boxes that meet,
@@ -76,11 +70,12 @@ impl SelfIntersections {
 /// # Panics
 /// If `pose` is shorter than the number of vertices.
 pub fn self_intersections(topology: &Topology, pose: &[DVec3], options: &IntersectionOptions) -> SelfIntersections {
+    let limit = options.limit.unwrap_or((1 << 26) + ((topology.triangles().len() as u64) << 11));
     let (soup, mut found) = Soup::new(topology, pose);
     let (mut work, mut chunks) = (0_u64, Vec::new());
     in_order(
         soup.tree.order().len().div_ceil(CHUNK),
-        |chunk, is_over| soup.compare(chunk, options.limit, || is_over.load(Ordering::Relaxed), |_| ()),
+        |chunk, is_over| soup.compare(chunk, limit, || is_over.load(Ordering::Relaxed), |_| ()),
         |chunk, tally| {
             let [none, one, more] = tally.pairs;
             (found.apart, found.at_vertices, found.at_edges) =
@@ -89,7 +84,7 @@ pub fn self_intersections(topology: &Topology, pose: &[DVec3], options: &Interse
                 chunks.push(chunk);
             }
             work = work.saturating_add(tally.work);
-            found.complete = work <= options.limit;
+            found.complete = work <= limit;
             found.complete
         },
     );
@@ -98,7 +93,7 @@ pub fn self_intersections(topology: &Topology, pose: &[DVec3], options: &Interse
     for chunk in chunks {
         soup.compare(
             chunk,
-            options.limit,
+            limit,
             || left.get() == 0,
             |pair| {
                 if left.get() > 0 {
@@ -139,10 +134,11 @@ struct Tally {
 impl<'a> Soup<'a> {
     /// The faces, and a result that counts those left out.
     fn new(topology: &'a Topology, pose: &[DVec3]) -> (Self, SelfIntersections) {
-        /// Coordinates below this are 0, so that no product of three, exact to the last digit, underflows.
-        const LEAST: f64 = f64::from_bits((1023 - 200) << 52);
-        let scale = unit_scale(pose);
-        let settle = |x: f64| if (x * scale).abs() < LEAST { 0.0 } else { x * scale };
+        // Coordinates below 2^300 whose last digit is above 2^-353, so that no product of three over- or underflows, exact to its last digit.
+        const MOST: f64 = f64::from_bits((1023 + 299) << 52);
+        const LEAST: f64 = f64::from_bits((1023 - 300) << 52);
+        let scale = unit_scale(topology, pose);
+        let settle = |x: f64| Some(x * scale * MOST).filter(|x| x.abs() >= LEAST || x.is_nan()).unwrap_or(0.0);
         let positions: Vec<DVec3> = pose[..topology.vertex_count()]
             .par_iter()
             .map(|p| DVec3::new(settle(p.x), settle(p.y), settle(p.z)))
@@ -170,11 +166,10 @@ impl<'a> Soup<'a> {
     fn compare(&self, chunk: usize, limit: u64, is_over: impl Fn() -> bool, mut list: impl FnMut([u32; 2])) -> Tally {
         let mut tally = Tally::default();
         let order = self.tree.order();
-        for place in CHUNK * chunk..order.len().min(CHUNK * (chunk + 1)) {
+        for (place, &f) in order.iter().enumerate().skip(CHUNK * chunk).take(CHUNK) {
             if tally.work > limit || is_over() {
                 break;
             }
-            let f = order[place];
             let Tally { pairs, work } = &mut tally;
             let boxes = self.tree.for_each_meeting(place, |g| {
                 *work += FACES;
