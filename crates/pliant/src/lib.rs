@@ -22,8 +22,9 @@ pub use pliant_io::{
 };
 pub use pliant_linalg as linalg;
 pub use pliant_mesh::metrics::{
-    EdgeErrors, SurfaceDistance, distances_to_surface, edge_errors, edge_errors_at_vertices, flipped_faces,
-    largest_free_stretch, rms_distance, signed_volume, surface_distance, volume_change,
+    EdgeErrors, HausdorffDistance, HausdorffOptions, IntersectionOptions, OneSidedDistance, SelfIntersections,
+    SurfaceDistance, area_change, distances_to_surface, edge_errors, edge_errors_at_vertices, flipped_faces, hausdorff,
+    largest_free_stretch, rms_distance, self_intersections, signed_volume, surface_distance, volume_change,
 };
 pub use pliant_mesh::shapes::creature;
 pub use pliant_mesh::{
