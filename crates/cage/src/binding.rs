@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
+use pliant_mesh::ranges::widen;
 use pliant_mesh::{Progress, Topology, TriMesh, VertexSet};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -342,15 +343,6 @@ impl Simplified {
             return Err(CageError::OtherShape { expected, found });
         }
         Binding::with_owners(shape, &self.mesh, Some(&self.owner), options, progress)
-    }
-}
-
-/// Makes a range hold another one, too.
-fn widen(range: &mut Range<usize>, other: &Range<usize>) {
-    if range.is_empty() {
-        *range = other.clone();
-    } else if !other.is_empty() {
-        *range = range.start.min(other.start)..range.end.max(other.end);
     }
 }
 
