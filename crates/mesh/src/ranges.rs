@@ -4,9 +4,9 @@ use std::ops::Range;
 
 /// Makes a range hold another one, too.
 pub fn widen(range: &mut Range<usize>, other: &Range<usize>) {
-    if range.is_empty() {
+    if range.start == range.end {
         *range = other.clone();
-    } else if !other.is_empty() {
+    } else if other.start < other.end {
         *range = range.start.min(other.start)..range.end.max(other.end);
     }
 }
