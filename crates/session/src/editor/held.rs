@@ -33,8 +33,8 @@ pub(crate) struct Held {
 }
 
 /// The handles on the cage: cage vertices that come from a handle's vertices are led by it, and a handle without one holds the cage by
-/// the rows of its points, so that these go where the handle does. A method that takes no rows is led by the cage vertex that the middle of the
-/// handle went into, if no other handle has it; the rest of the way the shape goes alone.
+/// the rows of its points, so that these go where the handle does. For a method that takes no rows, the cage vertex that the middle of the handle
+/// went into stands in for it, or else the nearest of its ring that no other handle has; the rest of the way the shape goes alone.
 pub(crate) fn on_cage(editor: &Editor) -> Result<Held, SessionError> {
     let origin = &editor.simplified.origin;
     let n = origin.len();
@@ -55,10 +55,9 @@ pub(crate) fn on_cage(editor: &Editor) -> Result<Held, SessionError> {
                 }
             }
         } else if led[at].is_empty() {
-            let stand_in = editor.simplified.owner[middle(editor, handle) as usize];
-            if free.contains(stand_in) && taken.insert(stand_in) {
-                led[at].push(stand_in);
-            }
+            let stand_in = stand_ins(editor, handle).into_iter().find(|j| free.contains(*j) && !taken.contains(j));
+            led[at].extend(stand_in);
+            taken.extend(stand_in);
         }
         if !(led[at].is_empty() && own.is_empty()) {
             known.push(at);
@@ -116,21 +115,25 @@ fn points(editor: &Editor, handle: &EditorHandle) -> Vec<Corners> {
     }
 }
 
-/// The vertex that a handle is round.
-fn middle(editor: &Editor, handle: &EditorHandle) -> u32 {
-    let shape = &editor.base.shape;
-    match &handle.grip {
-        Grip::Vertices(set) => {
-            let middle = set.iter().map(|v| shape[v as usize]).sum::<DVec3>() / set.len() as f64;
-            let distance = |v: &u32| shape[*v as usize].distance_squared(middle);
-            set.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or_default()
-        }
-        Grip::Point(point) => {
-            let Corners { vertices, weights } = point.on(editor.rest.triangles());
-            let heaviest = (1..3).fold(0, |most, k| if weights[k] > weights[most] { k } else { most });
-            vertices[heaviest]
-        }
-    }
+/// The cage vertex that the middle of a handle went into, and its ring, nearest first.
+fn stand_ins(editor: &Editor, handle: &EditorHandle) -> Vec<u32> {
+    let (shape, cage) = (&editor.base.shape, &editor.base.cage);
+    let points: Vec<u32> = match &handle.grip {
+        Grip::Vertices(set) => set.as_slice().to_vec(),
+        Grip::Point(point) => point.on(editor.rest.triangles()).vertices.to_vec(),
+    };
+    let middle = match &handle.grip {
+        Grip::Vertices(_) => points.iter().map(|&v| shape[v as usize]).sum::<DVec3>() / points.len() as f64,
+        Grip::Point(point) => point.on(editor.rest.triangles()).place(shape),
+    };
+    let distance = |p: DVec3| p.distance_squared(middle);
+    let nearest = |a: &u32, b: &u32| distance(shape[*a as usize]).total_cmp(&distance(shape[*b as usize]));
+    let owner = points.into_iter().min_by(nearest).map(|v| editor.simplified.owner[v as usize]);
+    // A vertex without faces went into none.
+    let Some(owner) = owner.filter(|j| (*j as usize) < cage.len()) else { return Vec::new() };
+    let mut ring = editor.simplified.mesh.topology().neighbours(owner as usize).to_vec();
+    ring.sort_by(|a, b| distance(cage[*a as usize]).total_cmp(&distance(cage[*b as usize])));
+    std::iter::once(owner).chain(ring).collect()
 }
 
 /// The region and the goals that a refinement of the shape works with. The `corners` of points within faces stay where they were set.
