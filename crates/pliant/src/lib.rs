@@ -33,8 +33,8 @@ pub use pliant_mesh::{
     shapes, vertex_normals,
 };
 pub use pliant_session::{
-    Autosave, Carried, CoarseStart, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Grip,
-    Levels, NoRoom, Ranges, RefineReport, Refinement, SessionError, SurfacePoint, Update, carry_region,
+    Autosave, Carried, CoarseStart, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Frame,
+    Grip, Levels, NoRoom, Ranges, RefineReport, Refinement, SessionError, SurfacePoint, Update, carry_region,
 };
 pub use pliant_study::{
     Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, Failure, FailureKind,
