@@ -215,7 +215,7 @@ fn draw(study: &Study<'_>, made: &Made, camera: Camera) -> Result<Option<String>
         Camera::From(view) => view,
     };
     let rest = made.mesh.as_ref().unwrap_or(study.shape);
-    Ok(Some(BASE64_STANDARD.encode(draw_pose(rest, pose, study.framing(), view)?)))
+    Ok(Some(BASE64_STANDARD.encode(draw_pose(rest, pose, &study.framing(), view)?)))
 }
 
 /// A pose that is found in less, in seconds, is found again rather than kept.

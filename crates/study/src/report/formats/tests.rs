@@ -175,8 +175,10 @@ fn bencher_has_a_metric_for_each_figure_that_is_there() {
     assert_eq!(bound["bind-ms"], serde_json::json!({ "value": 2.0, "lower_value": 1.0, "upper_value": 4.0 }));
 }
 
+type Rule = (&'static str, &'static [&'static str], &'static [&'static str], &'static [&'static str]);
+
 /// Elements that both schemas allow in an element, in the order that Surefire's demands, and attributes: all that may be, then those that must.
-const RULES: [(&str, &[&str], &[&str], &[&str]); 9] = [
+const RULES: [Rule; 9] = [
     ("testsuites", &["testsuite"], &["name", "time", "tests", "failures", "errors"], &[]),
     (
         "testsuite",

@@ -180,7 +180,7 @@
     };
     group.lines.forEach((line, k) => {
       const y = line.rows.map((row) => value(row, figure)).map((x) => (drawable(x) ? x : null));
-      const look = { name: plain(line.label), line: { color: line.direct ? ink : line.colour, dash: line.dash, width: 2 }, marker: { color: line.direct ? ink : line.colour, symbol: line.symbol, size: 9 } };
+      const look = { name: plain(line.label), line: { color: line.colour ?? ink, dash: line.dash, width: 2 }, marker: { color: line.colour ?? ink, symbol: line.symbol, size: line.direct ? 12 : 9 } };
       const texts = line.rows.map((row) => hover(row, line, figure));
       const times = line.rows.map((row) => number(row, "edit_ms"));
       const points = { ...look, y, text: texts, customdata: line.rows };
@@ -229,7 +229,7 @@
     const { group, figure } = chosen();
     const log = choice.log.checked;
     const style = getComputedStyle(document.documentElement);
-    const [ink, grid, raised] = ["--ink", "--line", "--raised"].map((name) => style.getPropertyValue(name).trim());
+    const [ink, grid, raised, quiet, accent] = ["--ink", "--line", "--raised", "--quiet", "--accent"].map((name) => style.getPropertyValue(name).trim());
     const drawable = (x) => x !== null && Math.abs(x) < ABSURD && (!log || x > 0);
 
     const sizes = group.lines.filter((line) => !line.direct).flatMap((line) => line.rows.map((row) => Math.max(rows[row].cage_vertices, 1)));
@@ -239,7 +239,7 @@
     const wide = (width ?? plot.clientWidth) > 760;
     const longest = Math.max(...group.lines.map((line) => line.label.length));
     const perLine = Math.max(1, Math.floor((width ?? plot.clientWidth) / (7.5 * longest + 70)));
-    const axis = { gridcolor: grid, linecolor: ink, tickcolor: grid, showline: true, ticks: "outside", automargin: true, zeroline: false, exponentformat: "power", separatethousands: true };
+    const axis = { gridcolor: grid, linecolor: ink, tickcolor: grid, showline: true, ticks: "outside", automargin: true, zeroline: false, exponentformat: "none", separatethousands: true };
     const size = { ...axis, type: "log", title: { text: "cage vertices" }, range };
     const time = { ...axis, type: "log", title: { text: "time of one edit (ms)" } };
     const upright = { ...axis, type: log ? "log" : "linear", rangemode: log ? "normal" : "tozero", title: { text: figure.heading } };
@@ -256,6 +256,7 @@
       hovermode: "closest",
       hoverlabel: { align: "left", bgcolor: raised, bordercolor: grid, font: { color: ink, size: 12 } },
       font: { color: ink, family: style.fontFamily, size: 13 },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: quiet, activecolor: accent },
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",
     };
