@@ -149,6 +149,6 @@ fn quoted(field: String) -> String {
 }
 
 /// Text that does not end a table's cell or line.
-pub(super) fn in_markdown(text: &str) -> String {
+pub(crate) fn in_markdown(text: &str) -> String {
     text.replace('|', "\\|").replace(['\r', '\n'], " ")
 }
