@@ -7,7 +7,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use pliant::{BindOptions, Iterations, Method, Propagation, StartFrom, SweepSize};
 
-pub(crate) use sweep::{MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart};
+pub(crate) use sweep::{
+    DEFAULT_FORMATS, MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart,
+};
 
 const LEARN_MORE: &str = "\
 Start with `pliant demo`, then try an edit of your own:

@@ -8,7 +8,7 @@ use pliant::{
 };
 use serde::Serialize;
 
-use crate::args::DemoOptions;
+use crate::args::{DEFAULT_FORMATS, DemoOptions};
 use crate::console::{Console, StageTime, print_json};
 use crate::edit::handle_list;
 use crate::sweep::write_reports;
@@ -60,7 +60,7 @@ pub(crate) fn run(options: &DemoOptions) -> Result<()> {
     console.say("")?;
     console.say("The same edit at several cage sizes, two iterations from a standing start:")?;
     let report = small_sweep(&model, &scene, &console)?;
-    files.extend(write_reports(&out.join("sweep"), &report)?);
+    files.extend(write_reports(&out.join("sweep"), &DEFAULT_FORMATS, &report)?);
     if options.json {
         let files = files.iter().map(|f| f.display().to_string()).collect();
         return print_json(&DemoResult { edit: &row, sweep: &report, files, stages: console.stages() });

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use pliant::{
-    Detail, JobFolder, JobList, RowDone, Stages, SweepError, SweepJobs, SweepReport, SweepSpec, can_write, merge_jobs,
-    write_atomic,
+    Detail, FormatError, JobFolder, JobList, ReportFormat, RowDone, Stages, SweepError, SweepJobs, SweepReport,
+    SweepSpec, can_write, merge_jobs, write_atomic,
 };
 
 use crate::args::{MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart};
@@ -26,13 +26,9 @@ pub(crate) fn run(command: &SweepCommand) -> Result<()> {
 fn whole(command: &SweepCommand) -> Result<()> {
     let spec = spec(&command.spec)?;
     let jobs = spec.jobs()?;
+    check_outputs(&command.output, Some(&spec))?;
     let mut folder = None;
     if let Some(prefix) = &command.output.output {
-        make_folder_of(prefix)?;
-        for (path, kind) in files(prefix) {
-            can_write(&path, &[kind])?;
-            check_inputs(&spec, &path)?;
-        }
         let path = with_extension(prefix, "jobs");
         if command.fresh && path.exists() {
             std::fs::remove_dir_all(&path).with_context(|| format!("{}: cannot be emptied", path.display()))?;
@@ -46,7 +42,7 @@ fn whole(command: &SweepCommand) -> Result<()> {
         let path = with_extension(prefix, "jobs");
         console.say(&format!("{found} rows were finished before ({}); --fresh makes them anew", path.display()))?;
     }
-    publish(&report, &command.output, &console)
+    publish(report, &command.output, &console)
 }
 
 fn plan(options: &PlanOptions) -> Result<()> {
@@ -117,14 +113,9 @@ fn array(variable: &'static str) -> Result<usize, SweepError> {
 }
 
 fn merge_parts(options: &MergeOptions) -> Result<()> {
-    if let Some(prefix) = &options.output.output {
-        make_folder_of(prefix)?;
-        for (path, kind) in files(prefix) {
-            can_write(&path, &[kind])?;
-        }
-    }
+    check_outputs(&options.output, None)?;
     let report = merge_jobs(&options.dirs, options.partial)?;
-    publish(&report, &options.output, &Console::quiet(options.output.json))
+    publish(report, &options.output, &Console::quiet(options.output.json))
 }
 
 /// The plan file with the flags in place of what it says.
@@ -154,6 +145,8 @@ fn spec(options: &SpecOptions) -> Result<SweepSpec, SweepError> {
     spec.start = options.start.map(|start| start.to_string()).or(spec.start);
     spec.refine = options.refine.map(|n| n as usize).or(spec.refine);
     spec.repeats = options.repeats.map(|n| n as usize).or(spec.repeats);
+    spec.camera = options.camera.map(|view| view.to_string()).or(spec.camera);
+    spec.pictures = options.no_pictures.then_some(false).or(spec.pictures);
     spec.equal_time = options.equal_time.then_some(true).or(spec.equal_time);
     spec.reference = options.no_reference.then_some(false).or(spec.reference);
     Ok(spec)
@@ -209,9 +202,10 @@ fn milliseconds(ms: f64) -> String {
 }
 
 /// Writes the files that were asked for, and prints.
-fn publish(report: &SweepReport, output: &OutputOptions, console: &Console) -> Result<()> {
+fn publish(mut report: SweepReport, output: &OutputOptions, console: &Console) -> Result<()> {
+    report.knees = output.knee.iter().flat_map(|&target| report.find_knees(target)).collect();
     let written = match &output.output {
-        Some(prefix) => write_reports(prefix, report)?,
+        Some(prefix) => write_reports(prefix, &output.formats, &report)?,
         None => Vec::new(),
     };
     if output.json {
@@ -227,6 +221,26 @@ fn publish(report: &SweepReport, output: &OutputOptions, console: &Console) -> R
     Ok(())
 }
 
+/// Refuses what cannot be written, before anything is computed.
+fn check_outputs(output: &OutputOptions, spec: Option<&SweepSpec>) -> Result<()> {
+    let Some(prefix) = &output.output else { return Ok(()) };
+    for format in &output.formats {
+        if !format.is_built() {
+            return Err(FormatError::NotBuilt { format: *format }.into());
+        }
+    }
+    make_folder_of(prefix)?;
+    for format in &output.formats {
+        let path = with_extension(prefix, format.extension());
+        let kind = format.extension().rsplit('.').next().unwrap_or_default();
+        can_write(&path, &[kind])?;
+        if let Some(spec) = spec {
+            check_inputs(spec, &path)?;
+        }
+    }
+    Ok(())
+}
+
 /// Makes the folder that files with this prefix lie in.
 pub(crate) fn make_folder_of(prefix: &Path) -> Result<()> {
     match prefix.parent() {
@@ -235,11 +249,6 @@ pub(crate) fn make_folder_of(prefix: &Path) -> Result<()> {
         }
         _ => Ok(()),
     }
-}
-
-/// The files of a report and their extensions.
-fn files(prefix: &Path) -> [(PathBuf, &'static str); 4] {
-    with_extensions(prefix, ["json", "csv", "md", "svg"])
 }
 
 /// A prefix with each extension.
@@ -258,17 +267,12 @@ fn with_extension(prefix: &Path, extension: &str) -> PathBuf {
     name.into()
 }
 
-/// Writes a report in all its forms.
-pub(crate) fn write_reports(prefix: &Path, report: &SweepReport) -> Result<Vec<PathBuf>> {
+/// Writes a report in some forms.
+pub(crate) fn write_reports(prefix: &Path, formats: &[ReportFormat], report: &SweepReport) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
-    for (path, kind) in files(prefix) {
-        let text = match kind {
-            "json" => report.to_json(),
-            "csv" => report.to_csv(),
-            "md" => report.to_markdown(Detail::Full),
-            _ => report.to_svg(),
-        };
-        write_atomic(&path, text.as_bytes())?;
+    for format in formats {
+        let path = with_extension(prefix, format.extension());
+        write_atomic(&path, &report.to_bytes(*format)?)?;
         written.push(path);
     }
     Ok(written)

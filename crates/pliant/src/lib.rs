@@ -37,11 +37,12 @@ pub use pliant_session::{
 };
 pub use pliant_study::{
     Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, Failure, FailureKind,
-    ImplicitRow, Iterations, JobEntry, JobFolder, JobList, JobResult, Machine, Made, Model, ModelError, ModelInfo,
-    NO_CAGE, PAPER_SCENE, PICTURE_WORST, Preset, Refusal, ReportError, ResolvedScene, RowDone, RowKey, RowMaker,
-    RowTimes, Scene, SceneError, Schedule, Setting, Spread, Stages, StartFrom, Study, StudyError, SweepCase,
-    SweepError, SweepJob, SweepJobs, SweepPlan, SweepReport, SweepRow, SweepSize, SweepSpec, Timing, TimingPlan,
-    compare, count, equal_time_vertices, merge_jobs, paper_sizes, sweep, time_stages, timed,
+    FormatError, ImplicitRow, Iterations, JobEntry, JobFolder, JobList, JobResult, Knee, KneeSize, KneeTarget, Machine,
+    Made, Model, ModelError, ModelInfo, NO_CAGE, PAPER_SCENE, PICTURE_WORST, Preset, Refusal, ReportError,
+    ReportFormat, ResolvedScene, RowDone, RowKey, RowMaker, RowTimes, SUMMARY_BYTES, Scene, SceneError, Schedule,
+    Setting, Spread, Stages, StartFrom, Study, StudyError, SweepCase, SweepError, SweepJob, SweepJobs, SweepPlan,
+    SweepReport, SweepRow, SweepSize, SweepSpec, Timing, TimingPlan, coloured, compare, count, draw_pose,
+    equal_time_vertices, merge_jobs, paper_sizes, sweep, time_stages, timed, usual_view,
 };
 
 /// The vector types of positions and transforms.

@@ -1,5 +1,7 @@
 use pliant_cage::CageError;
 use pliant_deform::{DeformError, HandleFault};
+use pliant_io::picture::PictureError;
+use pliant_mesh::MeshError;
 use thiserror::Error;
 
 use crate::SceneError;
@@ -26,6 +28,12 @@ pub enum StudyError {
         /// What is wrong with it.
         fault: HandleFault,
     },
+    /// Positions are not those of a shape's vertices.
+    #[error("this pose cannot be drawn: {0}")]
+    Pose(MeshError),
+    /// A picture cannot be drawn as asked.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
     /// A cage is too small for the scene.
     #[error("a cage of {vertices} vertices has no vertex left for handle '{handle}'; ask for a larger cage")]
     NoRoom {
@@ -59,6 +67,14 @@ pub enum StudyError {
         found: String,
         /// The largest number allowed.
         most: usize,
+    },
+    /// What is looked for among cage sizes could not be read.
+    #[error(
+        "`{found}` is not what cage sizes are searched for: use error:5%, no-cage:10% (above the error without a cage), or bend"
+    )]
+    BadKnee {
+        /// What was given.
+        found: String,
     },
     /// What a solve starts from could not be read.
     #[error("`{found}` is not a start: use levels or pose")]

@@ -11,6 +11,7 @@ mod machine;
 mod measure;
 mod model;
 pub mod paper;
+mod pictures;
 mod pipeline;
 mod refined;
 pub mod report;
@@ -29,11 +30,13 @@ pub use gate::{
 };
 pub use model::{Model, ModelError};
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
+pub use pictures::{coloured, draw_pose, usual_view};
 pub use pipeline::{Bound, Caged, Dragged, Study, count};
 pub use refined::CONVERGED_STEPS;
 pub use report::{
-    Comparison, Detail, Failure, FailureKind, ImplicitRow, Machine, ModelInfo, NO_CAGE, PICTURE_WORST, Refusal,
-    ReportError, RowKey, RowTimes, Spread, SweepReport, SweepRow,
+    Comparison, Detail, Failure, FailureKind, FormatError, ImplicitRow, Knee, KneeSize, KneeTarget, Machine, ModelInfo,
+    NO_CAGE, PICTURE_WORST, Refusal, ReportError, ReportFormat, RowKey, RowTimes, SUMMARY_BYTES, Spread, SweepReport,
+    SweepRow,
 };
 pub use scene::{ResolvedHandle, ResolvedScene, Scene, SceneError};
 pub use settings::{CONVERGED, Iterations, Schedule, Setting, StartFrom, SweepSize, equal_time_vertices};

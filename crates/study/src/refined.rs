@@ -15,10 +15,10 @@ use crate::{StudyError, SweepRow};
 pub const CONVERGED_STEPS: usize = 10;
 
 /// A step of refinement that lowers the energy by less than this share of it is the last, where the minimum is looked for.
-const MINIMUM: f64 = 1e-8;
+const MINIMUM: f64 = 1e-7;
 
 /// Steps after which the minimum is given up.
-const MOST_STEPS: usize = 1000;
+const MOST_STEPS: usize = 500;
 
 impl Study<'_> {
     /// Finds the pose that [`SweepRow::distance_to_converged`] is measured from: as-rigid-as-possible deformation without a cage, default

@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use pliant::{BindOptions, Iterations, Method, Preset, Propagation, StartFrom, StudyError, SweepSize};
+use pliant::{
+    BindOptions, Iterations, KneeTarget, Method, Preset, Propagation, ReportFormat, StartFrom, StudyError, SweepSize,
+    View,
+};
 
 /// Edit models at several cage sizes, and tabulate error and time against size.
 ///
@@ -87,13 +90,25 @@ pub(crate) struct MergeOptions {
 /// Where a report goes.
 #[derive(Debug, Args)]
 pub(crate) struct OutputOptions {
-    /// Write PREFIX.json, PREFIX.csv, PREFIX.md and PREFIX.svg; folders are made if they are not there.
+    /// Write PREFIX.json and the other forms that --formats names; folders are made if they are not there.
     #[arg(short, long, value_name = "PREFIX")]
     pub(crate) output: Option<PathBuf>,
+    /// Forms to write: json, csv, jsonl (a row a line), md, summary (Markdown that fits a GitHub step summary), svg, junit,
+    /// github-benchmark (of github-action-benchmark), bencher, and parquet where it is built in. All others can be made of json.
+    #[arg(long, value_delimiter = ',', requires = "output", default_values_t = DEFAULT_FORMATS)]
+    pub(crate) formats: Vec<ReportFormat>,
+    /// Say which is the smallest cage within an error (error:3%), within a share of the error without a cage (no-cage:10%), or at the bend
+    /// of the curve (bend).
+    #[arg(long, value_name = "TARGET", value_delimiter = ',')]
+    pub(crate) knee: Vec<KneeTarget>,
     /// Print the JSON report instead of text.
     #[arg(long)]
     pub(crate) json: bool,
 }
+
+/// What most people look at, and what the rest can be made of.
+pub(crate) const DEFAULT_FORMATS: [ReportFormat; 4] =
+    [ReportFormat::Json, ReportFormat::Csv, ReportFormat::Markdown, ReportFormat::Svg];
 
 /// What is swept. A flag replaces what a plan file says.
 #[derive(Debug, Args)]
@@ -147,6 +162,13 @@ pub(crate) struct SpecOptions {
     /// Times that each stage is run to time it; medians are shown, and the spread is kept. Default: 1.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) repeats: Option<u32>,
+    /// Where pictures are seen from: front, back, left, right, top, bottom, iso, or a direction x,y,z towards the camera. Default: as suits
+    /// the model.
+    #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
+    pub(crate) camera: Option<View>,
+    /// Make no pictures.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
 }
 
 /// A text that is a size or a range of them.

@@ -3,22 +3,6 @@ use pliant_mesh::{Bounds, TriMesh};
 
 use super::{PictureError, PictureOptions};
 
-/// Where the camera stands and which way is up.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
-    /// Direction from the mesh to the camera; any length but 0.
-    pub from: DVec3,
-    /// Direction that points up in the picture; another one is taken if it is along `from`.
-    pub up: DVec3,
-}
-
-impl Default for View {
-    /// From the front (+z), somewhat from the right (+x) and from above, with y up.
-    fn default() -> Self {
-        Self { from: DVec3::new(0.55, 0.28, 1.0), up: DVec3::Y }
-    }
-}
-
 /// Share of the picture's width and height left free on each side.
 const MARGIN: f64 = 0.04;
 

@@ -15,11 +15,13 @@
 mod camera;
 mod colour;
 mod occlusion;
+mod png_file;
 mod raster;
 mod shade;
 mod sheet;
 mod strip;
 mod text;
+mod view;
 
 use std::fmt;
 use std::path::Path;
@@ -29,10 +31,10 @@ use pliant_mesh::{Bounds, TriMesh};
 use thiserror::Error;
 
 use crate::{FileError, IoError, write_atomic};
-pub use camera::View;
 pub use colour::colour_map;
 pub use sheet::{SheetCell, SheetRow, contact_sheet};
 pub use strip::{strip, trim_alike};
+pub use view::View;
 
 /// What to draw a mesh like.
 #[derive(Debug, Clone, PartialEq)]
@@ -185,28 +187,6 @@ impl Picture {
     pub fn pixel(&self, column: u32, row: u32) -> [u8; 3] {
         let start = 3 * (row as usize * self.width as usize + column as usize);
         [self.rgb[start], self.rgb[start + 1], self.rgb[start + 2]]
-    }
-
-    /// The bytes of a PNG file.
-    ///
-    /// # Errors
-    /// The picture has no pixels, or not as many as its size says.
-    pub fn to_png(&self) -> Result<Vec<u8>, PictureError> {
-        let expected = 3 * u64::from(self.width) * u64::from(self.height);
-        if expected == 0 || self.rgb.len() as u64 != expected {
-            let found = format!("{} bytes for {} x {}", self.rgb.len(), self.width, self.height);
-            return Err(PictureError::bad("content", "three bytes for each of its pixels", found));
-        }
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        encoder
-            .write_header()
-            .and_then(|mut writer| writer.write_image_data(&self.rgb).and_then(|()| writer.finish()))
-            .map_err(|e| PictureError::bad("content", "a PNG image", e))?;
-        Ok(bytes)
     }
 }
 

@@ -7,6 +7,7 @@
 mod compare;
 mod error;
 mod figures;
+mod junit;
 mod rerun;
 #[cfg(test)]
 mod tests;

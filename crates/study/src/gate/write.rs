@@ -1,14 +1,12 @@
-//! What moved, for people and for continuous integration.
+//! What moved, in words.
 
 use std::fmt::Write as _;
-
-use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
 use super::{Change, ChangeKind, GateReport, Verdict};
 use crate::report::in_markdown;
 
 impl ChangeKind {
-    fn word(self) -> &'static str {
+    pub(super) fn word(self) -> &'static str {
         match self {
             Self::Failed => "FAILED",
             Self::Missing => "MISSING",
@@ -122,38 +120,5 @@ impl GateReport {
             out.push('\n');
         }
         out
-    }
-
-    /// JUnit XML: a case for each row of the baseline, failed where something is worse, in an error where Pliant is at fault.
-    pub fn to_junit(&self) -> String {
-        let mut suite = TestSuite::new("pliant check");
-        for (at, row) in self.rows.iter().enumerate() {
-            let changes: Vec<&Change> = self.changes.iter().filter(|change| change.at == Some(at)).collect();
-            let worse: Vec<String> =
-                changes.iter().filter(|change| change.kind.is_regression()).map(|change| change.said()).collect();
-            let status = match worse.first() {
-                None => TestCaseStatus::success(),
-                Some(first) => {
-                    let error = changes.iter().any(|change| change.failure.is_some());
-                    let kind = if error { NonSuccessKind::Error } else { NonSuccessKind::Failure };
-                    let mut status = TestCaseStatus::non_success(kind);
-                    status.set_message(first.clone()).set_type("regression").set_description(worse.join("\n"));
-                    status
-                }
-            };
-            let mut case = TestCase::new(row.clone(), status);
-            case.set_classname("pliant.check");
-            let moved = changes.iter().filter(|change| !change.kind.is_regression());
-            let moved: Vec<String> = moved.map(|change| format!("{}: {}", change.kind.word(), change.said())).collect();
-            if !moved.is_empty() {
-                case.set_system_out(moved.join("\n"));
-            }
-            suite.add_test_case(case);
-        }
-        let notes = self.notes.iter().cloned().chain([self.summary()]).collect::<Vec<_>>();
-        suite.set_system_out(notes.join("\n"));
-        let mut report = Report::new("pliant check");
-        report.add_test_suite(suite);
-        report.to_string().expect("every text is written with what XML cannot hold left out")
     }
 }

@@ -5,6 +5,8 @@
 
 mod columns;
 mod comparison;
+mod formats;
+mod knee;
 mod plot;
 mod row;
 mod series;
@@ -21,10 +23,13 @@ use thiserror::Error;
 use crate::Calibration;
 
 pub use comparison::{Comparison, ImplicitRow};
+pub use formats::{FormatError, ReportFormat, SUMMARY_BYTES};
+pub use knee::{Knee, KneeSize, KneeTarget};
 pub(crate) use row::p95;
 pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;
 pub(crate) use table::in_markdown;
+pub(crate) use formats::on_one_line;
 
 /// What [`SweepReport::schema`] says of this form. The number grows when a field changes its meaning or goes; new fields leave it.
 pub const SCHEMA: &str = "pliant-sweep/2";
@@ -49,6 +54,9 @@ pub struct SweepReport {
     pub refused: Vec<Refusal>,
     /// One row per model, scene, cage size and setting, in the order of the plan.
     pub rows: Vec<SweepRow>,
+    /// The smallest cages that will do, if they were looked for ([`Self::find_knees`]).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub knees: Vec<Knee>,
     /// Pictures of the edited shapes by the rows' ids: PNG in base64, coloured by the mean relative length error of the edges at each
     /// vertex from 0 (violet) to [`PICTURE_WORST`] (yellow).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]

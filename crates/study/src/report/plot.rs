@@ -11,7 +11,7 @@ use kuva::render::plots::Plot;
 use kuva::render::render::{PathData, Primitive, Scene, TextAnchor};
 
 use super::SweepReport;
-use super::series::{AllSeries, Point};
+use super::series::{AllSeries, Point, Series};
 
 /// Okabe and Ito's colours that can be told apart with any colour vision, without the yellow that is faint on white.
 const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"];
@@ -66,8 +66,9 @@ struct Entry {
 impl SweepReport {
     /// Two panels as SVG: RMS relative edge error, and time of one edit (solve and propagation), against cage vertices.
     ///
-    /// One line per setting: colour and marker say how the cage is bound and propagated, dashes how long the solver runs.
-    /// Rows without a cage are horizontal dashed lines, published figures crosses. The axis of cage sizes is logarithmic,
+    /// One line per setting: colour and marker say how the cage is bound and propagated, dashes how long the solver runs. With several
+    /// models or scenes the colour says which, and the marker alone the rest. Decimated meshes are lines of their own, against their own
+    /// vertices. Rows without a cage are horizontal dashed lines, published figures crosses; rows without figures are only counted. The axis of cage sizes is logarithmic,
     /// the others are when their values are far apart. A figure that is not finite, absurdly large (from
     /// 1e9), or 0 on a logarithmic axis is not drawn, and the subtitle says how many are missing.
     pub fn to_svg(&self) -> String {
@@ -118,6 +119,11 @@ impl SweepReport {
         // A single model stands in the title already.
         let in_title = |part: &str| matches!(&self.models[..], [model] if part == model.name);
         let mut said: Vec<String> = all.common.iter().filter(|part| !in_title(part)).cloned().collect();
+        match self.failures().count() {
+            0 => {}
+            1 => said.push("1 row has no figures".to_owned()),
+            failed => said.push(format!("{failed} rows have no figures")),
+        }
         if missing > 0 {
             said.push(format!("{missing} figures cannot be drawn"));
         }
@@ -135,7 +141,7 @@ struct Panel {
 
 impl Panel {
     fn new(all: &AllSeries, label: &str, value: fn(&Point) -> f64) -> Self {
-        let groups = || all.cages.iter().chain(&all.direct).map(|series| &series.points);
+        let groups = || all.sized.iter().chain(&all.direct).map(|series| &series.points);
         let every = || groups().chain([&all.published, &all.published_direct]).flatten();
         let inside = || every().map(value).filter(|y| DRAWABLE.contains(y));
         let (smallest, largest) = (inside().fold(f64::INFINITY, f64::min), inside().fold(0.0, f64::max));
@@ -156,18 +162,18 @@ impl Panel {
         published_direct.iter().for_each(|&y| line(across(y), PUBLISHED, 1.5, PUBLISHED_DASH));
         for series in &all.direct {
             for point in series.points.iter().filter(|point| drawable(value(point))) {
-                line(across(value(point)), DIRECT, 1.5, pick(&DIRECT_DASHES, series.schedule));
+                line(across(value(point)), direct_colour(all, series), 1.5, pick(&DIRECT_DASHES, series.schedule));
             }
         }
         let seen = |points: &[Point]| -> Vec<(f64, f64)> {
             points.iter().map(|p| (p.cage_vertices, value(p))).filter(|(_, y)| drawable(*y)).collect()
         };
-        for series in &all.cages {
-            line(seen(&series.points), pick(&COLOURS, series.rule), 2.0, pick(&DASHES, series.schedule));
+        for series in &all.sized {
+            line(seen(&series.points), colour(all, series), 2.0, pick(&DASHES, series.schedule));
         }
-        for series in &all.cages {
+        for series in &all.sized {
             let (marker, ..) = pick(&MARKERS, series.rule);
-            plots.push(markers(seen(&series.points), pick(&COLOURS, series.rule), marker, 4.5));
+            plots.push(markers(seen(&series.points), colour(all, series), marker, 4.5));
         }
         // A cross on the line, a little inside the right edge, tells it from the lines measured here.
         let beside = right * (left / right).powf(0.04);
@@ -186,7 +192,7 @@ impl Panel {
             .with_x_axis_max(right)
             .with_y_axis_min(bottom)
             .with_y_axis_max(top)
-            .with_x_label("cage vertices")
+            .with_x_label(if all.decimated { "vertices of the cage or decimated mesh" } else { "cage vertices" })
             .with_y_label(label)
             .with_x_tick_format(TickFormat::Custom(Arc::new(grouped)))
             .with_label_size(14)
@@ -197,6 +203,15 @@ impl Panel {
         }
         Self { plots, layout, missing }
     }
+}
+
+/// The colour of a line by its rule, or by its model and scene where there are several.
+fn colour(all: &AllSeries, series: &Series) -> &'static str {
+    pick(&COLOURS, if all.cases > 1 { series.case } else { series.rule })
+}
+
+fn direct_colour(all: &AllSeries, series: &Series) -> &'static str {
+    if all.cases > 1 { pick(&COLOURS, series.case) } else { DIRECT }
 }
 
 /// Numbers the clipping rectangles from 0: kuva goes on counting from one picture to the next, but the same report is to
@@ -217,7 +232,7 @@ fn name_clips(scene: &mut Scene) {
 /// The axis of cage sizes: all of them, with so much room beside the outermost that several of the ticks 1, 2, 5, 10...
 /// are on it, however few sizes there are.
 fn cage_range(all: &AllSeries) -> (f64, f64) {
-    let sizes = || all.cages.iter().flat_map(|series| &series.points).map(|point| point.cage_vertices);
+    let sizes = || all.sized.iter().flat_map(|series| &series.points).map(|point| point.cage_vertices);
     let (least, most) = (sizes().fold(f64::INFINITY, f64::min).max(1.0), sizes().fold(1.0, f64::max));
     if least.is_finite() { (least / 1.6, most * 1.6) } else { (100.0, 10_000.0) }
 }
@@ -228,18 +243,18 @@ fn markers(points: Vec<(f64, f64)>, colour: &str, marker: MarkerShape, size: f64
 
 fn legend(all: &AllSeries) -> Vec<Entry> {
     let mut entries: Vec<Entry> = all
-        .cages
+        .sized
         .iter()
         .map(|series| Entry {
             label: series.label.clone(),
-            colour: pick(&COLOURS, series.rule),
+            colour: colour(all, series),
             dash: Some(pick(&DASHES, series.schedule)),
             marker: Some(pick(&MARKERS, series.rule).0),
         })
         .collect();
     entries.extend(all.direct.iter().map(|series| Entry {
         label: series.label.clone(),
-        colour: DIRECT,
+        colour: direct_colour(all, series),
         dash: Some(pick(&DIRECT_DASHES, series.schedule)),
         marker: None,
     }));

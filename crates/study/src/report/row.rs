@@ -210,6 +210,17 @@ pub enum FailureKind {
     Internal,
 }
 
+impl FailureKind {
+    /// As it stands in JSON: `input`, `numeric` or `internal`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Input => "input",
+            Self::Numeric => "numeric",
+            Self::Internal => "internal",
+        }
+    }
+}
+
 impl SweepRow {
     /// Whether the shape was deformed directly.
     pub fn is_direct(&self) -> bool {
@@ -278,6 +289,8 @@ impl SweepRow {
             handle_error_max: f64::NAN,
             rest_rms_relative: f64::NAN,
             rest_error_max: f64::NAN,
+            kept_mean: f64::NAN,
+            negative_share: f64::NAN,
             failure: Some(failure),
             ..self
         }

@@ -3,17 +3,24 @@
 use std::fmt::Write as _;
 
 use super::columns::{COLUMNS, Cell, Column, Shown};
-use super::{SweepReport, SweepRow};
+use super::{Knee, SweepReport, SweepRow};
 
 /// How much a Markdown table shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Detail {
-    /// What most readers compare: settings, both errors, high percentiles, rest errors, kept weights, times (the default).
+    /// What most readers compare, in about a dozen columns: the settings that differ, cage size, error, time of a drag, and as much of
+    /// the rest as there is room for (the default).
     #[default]
     Main,
     /// Every column.
     Full,
 }
+
+/// Columns of a table of [`Detail::Main`], unless the settings alone take more.
+const MAIN_COLUMNS: usize = 12;
+
+/// Figures it has in any case, beside cage size and error.
+const LEAST_FIGURES: usize = 2;
 
 impl SweepReport {
     /// Comma-separated values (RFC 4180): a header of the fields' names, then one record per row; lines end with CR LF.
@@ -27,61 +34,31 @@ impl SweepReport {
     /// A Markdown table with units in its header, errors in percent.
     ///
     /// Above it stands what all rows have in common, each such column said once; a column without any value is left out.
-    /// Below it stand the warnings, by row (numbered from 1), and the notes. Columns are padded, so that it reads as plain text too.
+    /// Below it stand the smallest cages that were looked for, the warnings, by row (numbered from 1), and the notes. Columns are padded, so that it reads as plain text too.
     pub fn to_markdown(&self, detail: Detail) -> String {
         let mut out = String::new();
         if self.rows.is_empty() {
             out.push_str("No rows.\n");
         } else {
-            let (common, columns) = self.split_columns(detail);
-            if !common.is_empty() {
-                let _ = writeln!(out, "{}\n", common.join("; "));
+            let table = Table::new(&self.rows, detail);
+            if !table.common.is_empty() {
+                let _ = writeln!(out, "{}\n", table.common.join("; "));
             }
-            self.write_table(&mut out, &columns);
+            write_padded(&mut out, &table.lines, &table.numeric);
         }
-        self.write_remarks(&mut out);
+        if !self.knees.is_empty() {
+            let _ = write!(out, "\n{}", Knee::table(&self.knees));
+        }
+        let remarks = self.remarks();
+        if !remarks.is_empty() {
+            out.push('\n');
+            remarks.iter().for_each(|remark| out.push_str(&format!("- {remark}\n")));
+        }
         out
     }
 
-    /// What all rows have in common, as `heading: value`, and the columns in which they differ.
-    fn split_columns(&self, detail: Detail) -> (Vec<String>, Vec<&'static Column>) {
-        let (mut common, mut differing) = (Vec::new(), Vec::new());
-        for column in &COLUMNS {
-            let shown = match column.shown {
-                Shown::Always | Shown::Setting | Shown::Main => true,
-                Shown::Full => detail == Detail::Full,
-                Shown::Never => false,
-            };
-            let cells: Vec<Cell> = self.rows.iter().map(column.cell).collect();
-            if !shown || cells.iter().all(|cell| matches!(cell, Cell::Missing)) {
-                continue;
-            }
-            let first = cells[0].rounded();
-            let can_be_said_once = match column.shown {
-                Shown::Always => false,
-                Shown::Setting => true,
-                _ => self.rows.len() > 1,
-            };
-            if can_be_said_once && cells.iter().all(|cell| cell.rounded() == first) {
-                common.push(format!("{}: {}", column.heading, in_markdown(&first)));
-            } else {
-                differing.push(column);
-            }
-        }
-        (common, differing)
-    }
-
-    fn write_table(&self, out: &mut String, columns: &[&Column]) {
-        let mut lines: Vec<Vec<String>> = vec![columns.iter().map(|column| column.heading.to_owned()).collect()];
-        for row in &self.rows {
-            lines.push(columns.iter().map(|column| shown_cell(column, row)).collect());
-        }
-        let numeric: Vec<bool> =
-            columns.iter().map(|c| self.rows.iter().any(|row| (c.cell)(row).is_number())).collect();
-        write_padded(out, &lines, &numeric);
-    }
-
-    fn write_remarks(&self, out: &mut String) {
+    /// What stands below a table, in Markdown: warnings by row, refused models, notes on models, notes on the sweep.
+    pub(super) fn remarks(&self) -> Vec<String> {
         let warnings = self.rows.iter().enumerate().flat_map(|(k, row)| {
             let failure = row.failure.as_ref().map(|failure| format!("no figures: {}", failure.reason));
             let all = failure.into_iter().chain(row.warnings.iter().cloned());
@@ -93,12 +70,74 @@ impl SweepReport {
             .iter()
             .flat_map(|model| model.notes.iter().map(|note| in_markdown(&format!("{}: {note}", model.name))));
         let notes = self.notes.iter().map(|note| in_markdown(note));
-        let remarks: Vec<String> = warnings.chain(refused).chain(of_models).chain(notes).collect();
-        if !remarks.is_empty() {
-            out.push('\n');
-            remarks.iter().for_each(|remark| out.push_str(&format!("- {remark}\n")));
+        warnings.chain(refused).chain(of_models).chain(notes).collect()
+    }
+}
+
+/// Rows as text, sorted into what they have in common and what they differ in.
+pub(super) struct Table {
+    /// `heading: value`, once for all rows.
+    pub(super) common: Vec<String>,
+    /// The header, then a line per row.
+    pub(super) lines: Vec<Vec<String>>,
+    /// Whether a column is aligned to the right.
+    pub(super) numeric: Vec<bool>,
+}
+
+impl Table {
+    /// Of one row or more.
+    pub(super) fn new(rows: &[SweepRow], detail: Detail) -> Self {
+        let (common, columns) = split_columns(rows, detail);
+        let mut lines: Vec<Vec<String>> = vec![columns.iter().map(|column| column.heading.to_owned()).collect()];
+        for row in rows {
+            lines.push(columns.iter().map(|column| shown_cell(column, row)).collect());
+        }
+        let numeric = columns.iter().map(|column| column.kind.is_number()).collect();
+        Self { common, lines, numeric }
+    }
+}
+
+/// What all rows have in common, and the columns in which they differ.
+fn split_columns(rows: &[SweepRow], detail: Detail) -> (Vec<String>, Vec<&'static Column>) {
+    let (mut common, mut differing) = (Vec::new(), Vec::new());
+    for column in &COLUMNS {
+        let shown = match column.shown {
+            Shown::Always | Shown::Setting | Shown::Main(_) => true,
+            Shown::Full => detail == Detail::Full,
+            Shown::Never => false,
+        };
+        let cells: Vec<Cell> = rows.iter().map(column.cell).collect();
+        let first = cells.first().map_or_else(String::new, Cell::rounded);
+        if !shown || cells.iter().all(|cell| matches!(cell, Cell::Missing)) {
+            continue;
+        }
+        let can_be_said_once = match column.shown {
+            Shown::Always => false,
+            Shown::Setting => true,
+            _ => rows.len() > 1,
+        };
+        if can_be_said_once && cells.iter().all(|cell| cell.rounded() == first) {
+            common.push(format!("{}: {}", column.heading, in_markdown(&first)));
+        } else {
+            differing.push(column);
         }
     }
+    if detail == Detail::Main {
+        narrow(&mut differing);
+    }
+    (common, differing)
+}
+
+/// Settings first, then cage size and error, then the figures by rank until the table is wide enough.
+fn narrow(columns: &mut Vec<&'static Column>) {
+    let place = |column: &Column| match column.shown {
+        Shown::Setting => (0, 0),
+        Shown::Main(rank) => (2, rank),
+        _ => (1, 0),
+    };
+    columns.sort_by_key(|column| place(column));
+    let needed = columns.iter().filter(|column| !matches!(column.shown, Shown::Main(_))).count();
+    columns.truncate(MAIN_COLUMNS.max(needed + LEAST_FIGURES));
 }
 
 /// Records of rows under one header; see [`SweepReport::to_csv`].
@@ -148,7 +187,15 @@ fn quoted(field: String) -> String {
     if field.contains([',', '"', '\r', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field }
 }
 
-/// Text that does not end a table's cell or line.
+/// Text that stands as it is in a line or cell of Markdown: nothing in it ends either, marks up or opens an element.
 pub(crate) fn in_markdown(text: &str) -> String {
-    text.replace('|', "\\|").replace(['\r', '\n'], " ")
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '\\' | '|' | '<' | '&' | '*' | '`' => out.extend(['\\', letter]),
+            _ if letter.is_control() => out.push(' '),
+            _ => out.push(letter),
+        }
+    }
+    out
 }

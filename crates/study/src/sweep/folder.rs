@@ -22,6 +22,12 @@ pub struct JobResult {
     pub model: ModelInfo,
     /// The figures.
     pub row: SweepRow,
+    /// The shape as it was edited: PNG in base64; none of a row without figures, or if no pictures were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
+    /// Where the picture is seen from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
     /// Where it ran.
     pub machine: Machine,
 }
@@ -206,6 +212,7 @@ pub(super) fn assemble(list: &JobList, mut results: HashMap<String, JobResult>) 
             report.models.push(result.model);
         }
         machines.push(result.machine);
+        report.pictures.extend(result.picture.map(|picture| (result.row.id.clone(), picture)));
         report.rows.push(result.row);
     }
     report.machine = common_machine(&machines);

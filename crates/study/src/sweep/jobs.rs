@@ -1,7 +1,9 @@
 //! The jobs of a sweep: one a row, with an id that is the same wherever it is planned.
 
 use std::collections::HashSet;
+use std::fmt;
 
+use pliant_io::picture::{PictureError, View};
 use pliant_mesh::{Bounds, Silent};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_128;
@@ -32,6 +34,27 @@ pub(super) struct Common {
     pub(super) reference: bool,
     pub(super) refine_steps: usize,
     pub(super) repeats: usize,
+    /// Where pictures are seen from; `None` for none.
+    pub(super) camera: Option<Camera>,
+}
+
+/// Where pictures are seen from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Camera {
+    /// As suits the shape.
+    Usual,
+    /// From there.
+    From(View),
+}
+
+/// The view's own text, or `usual`.
+impl fmt::Display for Camera {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Usual => f.write_str("usual"),
+            Self::From(view) => view.fmt(f),
+        }
+    }
 }
 
 /// A row that is to be made.
@@ -81,7 +104,7 @@ impl SweepSpec {
             jobs: Vec::new(),
             refused: Vec::new(),
             notes: Vec::new(),
-            common: Common { reference: false, refine_steps: 0, repeats: 1 },
+            common: Common { reference: false, refine_steps: 0, repeats: 1, camera: self.camera()? },
         };
         let mut known = HashSet::new();
         for (model, scenes) in &cases {
@@ -105,6 +128,16 @@ impl SweepSpec {
             }
         }
         Ok(planned)
+    }
+
+    fn camera(&self) -> Result<Option<Camera>, SweepError> {
+        let camera = match &self.camera {
+            None => Camera::Usual,
+            Some(text) => {
+                Camera::From(text.parse().map_err(|error: PictureError| SweepError::value("camera", text, &error))?)
+            }
+        };
+        Ok(self.pictures.unwrap_or(true).then_some(camera))
     }
 
     /// Jobs for a model and a scene.

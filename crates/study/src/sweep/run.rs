@@ -4,10 +4,15 @@ use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+
 use super::folder::assemble;
+use super::jobs::Camera;
 use super::{JobFolder, JobList, JobResult, Made, RowMaker, SweepError, SweepJob, SweepJobs};
 use crate::StudyError;
 use crate::model::Model;
+use crate::pictures::{draw_pose, usual_view};
 use crate::pipeline::Study;
 use crate::report::{Failure, FailureKind, Machine, ModelInfo, SweepReport, SweepRow};
 use crate::stages::Stages;
@@ -77,7 +82,9 @@ impl SweepJobs {
     fn finished(&self, job: &SweepJob, folder: Option<&JobFolder>) -> Option<JobResult> {
         let result = folder?.result(&job.id).ok()??;
         let times = &result.row.times;
-        (result.row.failure.is_some() || times.repeats >= self.common.repeats).then_some(result)
+        let camera = self.common.camera.map(|camera| camera.to_string());
+        let drawn = camera.is_none() || camera == result.camera;
+        (result.row.failure.is_some() || (times.repeats >= self.common.repeats && drawn)).then_some(result)
     }
 
     /// Jobs of one model and scene.
@@ -126,8 +133,22 @@ impl SweepJobs {
                 || ModelInfo { name: job.name.clone(), ..ModelInfo::default() },
                 |place| place.info.clone(),
             );
-            let schema = JOB_SCHEMA.to_owned();
-            let result = JobResult { schema, model: info, row: made.row, machine: Machine::this() };
+            let mut picture = None;
+            if let (Some(camera), Some(Ok((study, _)))) = (self.common.camera, &study) {
+                match draw(study, &made, camera) {
+                    Ok(drawn) => picture = drawn,
+                    // Figures do not depend on it.
+                    Err(error) => made.row.warnings.push(format!("there is no picture: {error}")),
+                }
+            }
+            let result = JobResult {
+                schema: JOB_SCHEMA.to_owned(),
+                model: info,
+                row: made.row,
+                picture,
+                camera: self.common.camera.map(|camera| camera.to_string()),
+                machine: Machine::this(),
+            };
             if let Some(folder) = folder {
                 folder.keep(&result)?;
             }
@@ -184,6 +205,17 @@ impl Place {
         }
         Ok((study, None))
     }
+}
+
+/// The picture of a row that has a pose, in base64.
+fn draw(study: &Study<'_>, made: &Made, camera: Camera) -> Result<Option<String>, StudyError> {
+    let Some(pose) = &made.pose else { return Ok(None) };
+    let view = match camera {
+        Camera::Usual => usual_view(&study.shape.bounds()),
+        Camera::From(view) => view,
+    };
+    let rest = made.mesh.as_ref().unwrap_or(study.shape);
+    Ok(Some(BASE64_STANDARD.encode(draw_pose(rest, pose, study.framing(), view)?)))
 }
 
 /// A pose that is found in less, in seconds, is found again rather than kept.

@@ -69,6 +69,12 @@ pub struct SweepSpec {
     /// How often each stage is run to time it. Default: 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub repeats: Option<usize>,
+    /// Where pictures are seen from: `front`, `left`, `top`, `iso`, ..., or a direction `x,y,z`. Default: as suits the shape.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
+    /// Whether each row has a picture. Default: yes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<bool>,
 }
 
 /// A model with scenes of its own.
