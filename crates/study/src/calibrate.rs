@@ -221,7 +221,8 @@ mod tests {
         let (moved, rotations, long) = result(1);
         assert!((moved, rotations.clone(), long) == result(3));
         // Newton's iteration has come to rotations: the work is of the kind it says.
-        let off = |m: &DMat3| (*m * m.transpose() - DMat3::IDENTITY).to_cols_array().iter().fold(0.0, |a, x| x.abs().max(a));
+        let off =
+            |m: &DMat3| (*m * m.transpose() - DMat3::IDENTITY).to_cols_array().iter().fold(0.0, |a, x| x.abs().max(a));
         assert!(rotations.iter().map(off).fold(0.0, f64::max) < 1e-9);
     }
 

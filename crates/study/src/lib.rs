@@ -25,8 +25,8 @@ pub use calibrate::{Calibration, calibrate};
 pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
 pub use gate::{
-    Change, ChangeKind, Checked, GateError, GateReport, Places, Rerun, RerunOptions, Tolerance, Tolerances, Unit, Verdict,
-    compare_reports, read_report,
+    Change, ChangeKind, Checked, GateError, GateReport, Places, Rerun, RerunOptions, Tolerance, Tolerances, Unit,
+    Verdict, compare_reports, read_report,
 };
 pub use model::{Model, ModelError};
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};

@@ -45,8 +45,12 @@ pub fn compare_reports(baseline: &SweepReport, now: &SweepReport, tolerances: &T
     changes.sort_by(|a, b| a.kind.cmp(&b.kind).then_with(|| worst_first(a, b)));
     let verdicts = changes.iter().filter(|change| change.kind.is_regression());
     let verdict = verdicts.map(|change| change.failure.as_ref().map_or(Verdict::Regression, verdict_of)).max();
-    if verdict.is_none() && changes.iter().any(|change| matches!(change.kind, ChangeKind::Better | ChangeKind::Recovered)) {
-        notes.push("Something is better than the baseline says: write a new one, so that it stays so (--update).".to_owned());
+    if verdict.is_none()
+        && changes.iter().any(|change| matches!(change.kind, ChangeKind::Better | ChangeKind::Recovered))
+    {
+        notes.push(
+            "Something is better than the baseline says: write a new one, so that it stays so (--update).".to_owned(),
+        );
     }
     GateReport {
         schema: GATE_SCHEMA.to_owned(),
@@ -104,35 +108,39 @@ impl Comparison<'_> {
 
     fn figure(&mut self, at: usize, figure: &Figure, old: &SweepRow, new: &SweepRow) {
         let tolerance = self.tolerances.of(figure.name, figure.group);
-        let finite = |row| (figure.of)(row).filter(|value| value.is_finite());
-        let (was, mut is) = (finite(old), finite(new));
-        let mut kind = match (was, is) {
-            _ if tolerance.is_off() => return,
-            (None, None) => return,
-            (None, Some(_)) => ChangeKind::Different,
-            (Some(_), None) => ChangeKind::Worse,
-            (Some(_), Some(_)) => ChangeKind::Better,
-        };
-        let takes = matches!(figure.group, Group::Time | Group::Memory);
-        if takes && kind != ChangeKind::Better {
-            // A system that does not tell memory, or a report without times.
+        let value = |row| (figure.of)(row).filter(|value| value.is_finite());
+        let (was, mut is) = (value(old), value(new));
+        let allowed = was.map(|was| tolerance.most(was.abs()));
+        if tolerance.is_off() {
             return;
         }
-        if let (Group::Time, Some(was), Some(now)) = (figure.group, was, is) {
-            let Some(clock) = &self.clock else { return };
-            is = Some(clock.at_baseline(was, now));
-        }
-        self.figures += 1;
-        let allowed = was.map(|was| tolerance.most(was.abs()));
-        if let (Some(was), Some(is), Some(allowed)) = (was, is, allowed) {
-            if is.abs() > allowed {
-                kind = ChangeKind::Worse;
-            } else if was.abs() <= tolerance.most(is.abs()) {
-                return;
+        let mut kind = match (was, is, allowed) {
+            // A system that does not tell memory, or a report without times.
+            (None, ..) | (_, None, _) if matches!(figure.group, Group::Time | Group::Memory) => return,
+            (None, None, _) => return,
+            (None, Some(_), _) => ChangeKind::Different,
+            (Some(was), Some(now), Some(allowed)) => {
+                // The least and the most that it can be said to be.
+                let (mut low, mut high) = (now.abs(), now.abs());
+                if figure.group == Group::Time {
+                    let Some(clock) = &self.clock else { return };
+                    (low, high) = clock.at_baseline(was, now);
+                }
+                self.figures += 1;
+                if low > allowed {
+                    is = is.map(|is| low.copysign(is));
+                    ChangeKind::Worse
+                } else if was.abs() > tolerance.most(high) {
+                    is = is.map(|is| high.copysign(is));
+                    ChangeKind::Better
+                } else {
+                    return;
+                }
             }
-            if figure.group == Group::Neutral {
-                kind = ChangeKind::Different;
-            }
+            _ => ChangeKind::Worse,
+        };
+        if figure.group == Group::Neutral {
+            kind = ChangeKind::Different;
         }
         self.changes.push(Change {
             kind,
@@ -150,7 +158,8 @@ impl Comparison<'_> {
 
 /// Converts times of one machine to those of another.
 struct Clock {
-    /// Milliseconds now for one then: of what is so short that nothing disturbs it, and of what is longer.
+    /// Milliseconds now for one then where nothing disturbs, for what is short, and for what is long.
+    quiet: f64,
     short: f64,
     long: f64,
 }
@@ -164,7 +173,12 @@ const BUSY: f64 = 1.5;
 
 impl Clock {
     /// None where times cannot be compared, which is said in a note.
-    fn of(then: Option<&Machine>, now: Option<&Machine>, tolerances: &Tolerances, notes: &mut Vec<String>) -> Option<Self> {
+    fn of(
+        then: Option<&Machine>,
+        now: Option<&Machine>,
+        tolerances: &Tolerances,
+        notes: &mut Vec<String>,
+    ) -> Option<Self> {
         if !tolerances.compare_times() {
             return None;
         }
@@ -172,7 +186,8 @@ impl Clock {
             notes.push("Times are not compared: a report does not say on what machine it was made.".to_owned());
             return None;
         };
-        let usable = |c: &Calibration| c.quiet_ms.is_finite() && c.quiet_ms > 0.0 && c.taken_ms.is_finite() && c.taken_ms > 0.0;
+        let usable =
+            |c: &Calibration| c.quiet_ms.is_finite() && c.quiet_ms > 0.0 && c.taken_ms.is_finite() && c.taken_ms > 0.0;
         let (Some(a), Some(b)) = (then.calibration.filter(usable), now.calibration.filter(usable)) else {
             notes.push("Times are not compared: a report was made without calibration.".to_owned());
             return None;
@@ -185,7 +200,7 @@ impl Clock {
         // What is longer is disturbed as much as the loop is; so is what is short where several threads wait for each other. Where that is
         // unfair it is lenient.
         let (quiet, long) = (b.quiet_ms / a.quiet_ms, b.taken_ms.max(b.quiet_ms) / a.quiet_ms);
-        let clock = Self { short: if now.threads == 1 { quiet } else { long }, long };
+        let clock = Self { quiet, short: if now.threads == 1 { quiet } else { long }, long };
         if then.cpu != now.cpu || (quiet - 1.0).abs() > 0.1 {
             let name = |machine: &Machine| machine.cpu.clone().unwrap_or_else(|| "an unnamed processor".to_owned());
             notes.push(format!(
@@ -206,8 +221,8 @@ impl Clock {
         Some(clock)
     }
 
-    /// A time of now as it would be at the baseline, where it was `then`.
-    fn at_baseline(&self, then: f64, now: f64) -> f64 {
-        now / if then < SHORT_MS { self.short } else { self.long }
+    /// A time of now as it would be at the baseline, where it was `then`: if it was disturbed as much as may be, and not at all.
+    fn at_baseline(&self, then: f64, now: f64) -> (f64, f64) {
+        (now / if then < SHORT_MS { self.short } else { self.long }, now / self.quiet)
     }
 }

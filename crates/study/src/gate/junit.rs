@@ -67,7 +67,8 @@ fn write_case(xml: &mut Writer<Vec<u8>>, row: &str, changes: &[&Change]) -> Writ
             element.write_text_content(BytesText::new(&said.join("\n")))?;
         }
         let others = changes.iter().filter(|change| !change.kind.is_regression());
-        let others: Vec<String> = others.map(|change| on_one_line(&format!("{}: {}", change.kind.word(), change.said()))).collect();
+        let others: Vec<String> =
+            others.map(|change| on_one_line(&format!("{}: {}", change.kind.word(), change.said()))).collect();
         if others.is_empty() { Ok(()) } else { write_text(xml, "system-out", &others.join("\n")) }
     };
     case.write_inner_content(content).map(drop)

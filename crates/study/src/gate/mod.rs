@@ -155,7 +155,8 @@ const MAX_REPORT_BYTES: u64 = 1 << 30;
 pub fn read_report(path: &Path) -> Result<SweepReport, GateError> {
     let file = path.display().to_string();
     let bad = |message: String| GateError::File { file: file.clone(), message };
-    let text = String::from_utf8(read_regular(path, MAX_REPORT_BYTES)?).map_err(|_| bad("not UTF-8 text".to_owned()))?;
+    let text =
+        String::from_utf8(read_regular(path, MAX_REPORT_BYTES)?).map_err(|_| bad("not UTF-8 text".to_owned()))?;
     let report = SweepReport::read_json(text.strip_prefix('\u{feff}').unwrap_or(&text), &file)?;
     if report.schema != SCHEMA {
         return Err(bad(format!("is of the form {:?}, where {SCHEMA:?} is needed", report.schema)));
@@ -174,7 +175,11 @@ impl SweepReport {
         }
         for row in &mut self.rows {
             row.id.clear();
-            row.times = if times { rounded(&row.times) } else { RowTimes { repeats: row.times.repeats, ..RowTimes::default() } };
+            row.times = if times {
+                rounded(&row.times)
+            } else {
+                RowTimes { repeats: row.times.repeats, ..RowTimes::default() }
+            };
         }
         self
     }

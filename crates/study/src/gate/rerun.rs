@@ -149,7 +149,8 @@ impl<'b> Rerun<'b> {
 
 /// Rows of which a time or the memory is worse.
 fn slow_rows(gate: &GateReport) -> Vec<usize> {
-    let takes = |change: &&Change| change.kind == ChangeKind::Worse && change.unit.is_some_and(super::Unit::can_be_disturbed);
+    let takes =
+        |change: &&Change| change.kind == ChangeKind::Worse && change.unit.is_some_and(super::Unit::can_be_disturbed);
     let mut rows: Vec<usize> = gate.changes.iter().filter(takes).filter_map(|change| change.at).collect();
     rows.sort_unstable();
     rows.dedup();
@@ -167,7 +168,11 @@ fn keep_smallest(times: &mut RowTimes, other: &RowTimes) {
         (&mut times.refine_ms, other.refine_ms),
     ];
     for (kept, other) in pairs {
-        let smaller = |a: Spread, b: Spread| Spread { median: a.median.min(b.median), min: a.min.min(b.min), max: a.max.max(b.max) };
+        let smaller = |a: Spread, b: Spread| Spread {
+            median: a.median.min(b.median),
+            min: a.min.min(b.min),
+            max: a.max.max(b.max),
+        };
         *kept = kept.zip(other).map(|(a, b)| smaller(a, b)).or(*kept);
     }
     let least = times.peak_memory_bytes.zip(other.peak_memory_bytes).map(|(a, b)| a.min(b));
@@ -180,7 +185,8 @@ impl Places {
         if Model::is_generated(name) {
             return Ok(name.to_owned());
         }
-        let named = |path: &&PathBuf| Model::name_of(&path.to_string_lossy()) == name || path.as_path() == Path::new(name);
+        let named =
+            |path: &&PathBuf| Model::name_of(&path.to_string_lossy()) == name || path.as_path() == Path::new(name);
         let in_folder = || self.folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file());
         let found = self.models.iter().find(named).cloned().or_else(in_folder);
         found.map(|path| path.to_string_lossy().into_owned()).ok_or_else(|| {
@@ -211,7 +217,8 @@ impl Places {
 fn setting_of(row: &SweepRow) -> Result<Setting, GateError> {
     let bad = |reason: String| GateError::Row { row: row.key().to_string(), reason };
     let size = row.cage_asked.parse().map_err(|error: crate::StudyError| bad(error.to_string()))?;
-    let method: pliant_deform::Method = row.method.parse().map_err(|error: pliant_deform::DeformError| bad(error.to_string()))?;
+    let method: pliant_deform::Method =
+        row.method.parse().map_err(|error: pliant_deform::DeformError| bad(error.to_string()))?;
     let iterations = match row.iterations {
         Some(n) => n.to_string().parse().map_err(|error: crate::StudyError| bad(error.to_string()))?,
         None => Iterations::Converged,

@@ -56,7 +56,7 @@ impl FromStr for Tolerance {
             return Ok(Self::OFF);
         }
         // A plus after an e belongs to an exponent.
-        let plus = text.char_indices().find(|&(at, c)| c == '+' && at > 0 && !text[..at].ends_with(['e', 'E']));
+        let plus = text.char_indices().find(|&(at, c)| c == '+' && !text[..at].ends_with(['e', 'E']));
         let (relative, absolute) = plus.map_or((text, "0"), |(at, _)| (&text[..at], &text[at + 1..]));
         let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0);
         let relative = match relative.trim().strip_suffix('%') {

@@ -23,13 +23,13 @@ use thiserror::Error;
 use crate::Calibration;
 
 pub use comparison::{Comparison, ImplicitRow};
+pub(crate) use formats::on_one_line;
 pub use formats::{FormatError, ReportFormat, SUMMARY_BYTES};
 pub use knee::{Knee, KneeSize, KneeTarget};
 pub(crate) use row::p95;
 pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;
 pub(crate) use table::in_markdown;
-pub(crate) use formats::on_one_line;
 
 /// What [`SweepReport::schema`] says of this form. The number grows when a field changes its meaning or goes; new fields leave it.
 pub const SCHEMA: &str = "pliant-sweep/2";

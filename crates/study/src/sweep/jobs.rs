@@ -203,7 +203,12 @@ impl SweepJob {
 impl SweepJobs {
     /// Jobs that are not of a plan, whether distances to the converged pose are measured, steps of refinement, and repeats.
     pub(crate) fn loose(jobs: Vec<SweepJob>, (reference, refine_steps, repeats): (bool, usize, usize)) -> Self {
-        Self { jobs, refused: Vec::new(), notes: Vec::new(), common: Common { reference, refine_steps, repeats } }
+        Self {
+            jobs,
+            refused: Vec::new(),
+            notes: Vec::new(),
+            common: Common { reference, refine_steps, repeats, camera: None },
+        }
     }
 
     /// The jobs in words.
