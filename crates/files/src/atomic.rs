@@ -2,8 +2,8 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use crate::{FileError, WRITE};
 use crate::source::refuse_irregular;
+use crate::{FileError, WRITE};
 
 /// Writes a file so that at any moment, even after a power cut, it is either the old one or the new one, complete.
 ///

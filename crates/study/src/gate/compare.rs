@@ -38,6 +38,7 @@ pub fn compare_reports(baseline: &SweepReport, now: &SweepReport, tolerances: &T
             comparison.whole(ChangeKind::Added, row, None);
         }
     }
+    notes.extend(now.refused.iter().map(|refused| format!("{} was refused: {}", refused.model, refused.reason)));
     if still_failing > 0 {
         notes.push(format!("{still_failing} rows have no figures, as in the baseline."));
     }

@@ -1,7 +1,7 @@
 use pliant_files::FileError;
 use thiserror::Error;
 
-use crate::ReportError;
+use crate::{ModelError, ReportError};
 
 /// Why nothing could be compared.
 #[derive(Debug, Error)]
@@ -43,6 +43,9 @@ pub enum GateError {
         /// Folders that were looked through.
         looked: String,
     },
+    /// The model of a row cannot be read.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// A row does not say what was asked.
     #[error("{row}: cannot be made again: {reason}")]
     Row {

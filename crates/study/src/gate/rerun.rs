@@ -1,14 +1,15 @@
 //! Makes the rows of a baseline again.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use pliant_mesh::Bounds;
+use pliant_mesh::{Bounds, Silent};
 
 use super::{Change, ChangeKind, GateError, GateReport, Tolerances, compare_reports};
 use crate::calibrate::{Calibration, calibrate};
 use crate::model::Model;
-use crate::report::{Machine, NO_CAGE, RowTimes, Spread, SweepReport, SweepRow};
+use crate::report::{Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread, SweepReport, SweepRow};
 use crate::settings::{Iterations, Schedule, Setting, StartFrom};
 use crate::stages::Stages;
 use crate::sweep::{RowDone, SweepError, SweepJob, SweepJobs};
@@ -43,11 +44,13 @@ impl Default for RerunOptions {
     }
 }
 
-/// The rows of a baseline, found and ready to be made again.
+/// Rows that are to be made and compared with a baseline.
 #[derive(Debug, Clone)]
 pub struct Rerun<'b> {
     baseline: &'b SweepReport,
-    jobs: Vec<SweepJob>,
+    /// With whether distances to the converged pose are measured, steps of refinement, and repeats.
+    jobs: Vec<(SweepJob, (bool, usize, usize))>,
+    refused: Vec<Refusal>,
 }
 
 /// What making the rows again came to.
@@ -63,15 +66,28 @@ pub struct Checked {
 const LEAST_REPEATS: usize = 3;
 
 impl<'b> Rerun<'b> {
-    /// Finds the models and scenes of all rows and reads their settings.
+    /// The rows of the baseline itself: finds their models and scenes, and reads their settings.
     ///
     /// # Errors
-    /// A model or scene is not found, or a row says something that cannot be asked for.
-    pub fn new(baseline: &'b SweepReport, places: &Places) -> Result<Self, GateError> {
+    /// A model or scene is not found or cannot be read, or a row says something that cannot be asked for.
+    pub fn of_rows(baseline: &'b SweepReport, places: &Places) -> Result<Self, GateError> {
+        let names: BTreeSet<&str> = baseline.rows.iter().map(|row| row.model.as_str()).collect();
+        for name in names.into_iter().filter(|name| !Model::is_generated(name)) {
+            // Better said before an hour's work than as a row that fails after it.
+            Model::open(&places.model(name)?, &Silent)?;
+        }
         let jobs = baseline.rows.iter().map(|row| {
-            Ok(SweepJob::loose(places.model(&row.model)?, &row.model, places.scene(row)?, setting_of(row)?))
+            let job = SweepJob::loose(places.model(&row.model)?, &row.model, places.scene(row)?, setting_of(row)?);
+            let common = (row.distance_to_converged.is_some(), row.refine_steps.unwrap_or(0), row.times.repeats);
+            Ok((job, common))
         });
-        Ok(Self { baseline, jobs: jobs.collect::<Result<_, GateError>>()? })
+        Ok(Self { baseline, jobs: jobs.collect::<Result<_, GateError>>()?, refused: Vec::new() })
+    }
+
+    /// The rows of a plan.
+    pub fn of_jobs(baseline: &'b SweepReport, jobs: SweepJobs) -> Self {
+        let common = jobs.common();
+        Self { baseline, jobs: jobs.jobs.into_iter().map(|job| (job, common)).collect(), refused: jobs.refused }
     }
 
     /// Makes all rows and compares them; those that seem slow, or to take more memory, are made again and keep the smallest figures.
@@ -88,7 +104,7 @@ impl<'b> Rerun<'b> {
     ) -> Result<Checked, SweepError> {
         let all: Vec<usize> = (0..self.jobs.len()).collect();
         let mut runs = vec![calibrate(), calibrate()];
-        let mut report = SweepReport::new(Vec::new());
+        let mut report = SweepReport { refused: self.refused.clone(), ..SweepReport::new(Vec::new()) };
         for (model, row) in self.make(&all, options, true, stages, &mut runs, done)? {
             if report.models.iter().all(|known| known.name != model.name) {
                 report.models.push(model);
@@ -98,7 +114,7 @@ impl<'b> Rerun<'b> {
         report.machine = Some(Machine { calibration: Calibration::of(&runs), ..Machine::this() });
         let mut gate = compare_reports(self.baseline, &report, tolerances);
         for retry in 0..options.retries {
-            let slow = slow_rows(&gate);
+            let slow = self.slow_rows(&gate, &report);
             if slow.is_empty() {
                 break;
             }
@@ -124,17 +140,15 @@ impl<'b> Rerun<'b> {
         stages: &dyn Stages,
         runs: &mut Vec<Calibration>,
         done: &mut dyn FnMut(RowDone<'_>),
-    ) -> Result<Vec<(crate::ModelInfo, SweepRow)>, SweepError> {
+    ) -> Result<Vec<(ModelInfo, SweepRow)>, SweepError> {
         let mut made = Vec::with_capacity(chosen.len());
         let common = |k: usize| {
-            let row = &self.baseline.rows[k];
-            let repeats = options.repeats.unwrap_or_else(|| row.times.repeats.max(LEAST_REPEATS));
-            let reference = reference && row.distance_to_converged.is_some();
-            (reference, row.refine_steps.unwrap_or(0), repeats)
+            let (measured, refine_steps, repeats) = self.jobs[k].1;
+            (reference && measured, refine_steps, options.repeats.unwrap_or(repeats.max(LEAST_REPEATS)))
         };
         // Rows with all of this in common share their work.
         for group in chosen.chunk_by(|a, b| common(*a) == common(*b)) {
-            let jobs = SweepJobs::loose(group.iter().map(|&k| self.jobs[k].clone()).collect(), common(group[0]));
+            let jobs = SweepJobs::loose(group.iter().map(|&k| self.jobs[k].0.clone()).collect(), common(group[0]));
             let (before, numbers) = (made.len(), (0..group.len()).collect::<Vec<_>>());
             let mut told = |row: RowDone<'_>| {
                 runs.push(calibrate());
@@ -145,16 +159,24 @@ impl<'b> Rerun<'b> {
         }
         Ok(made)
     }
-}
 
-/// Rows of which a time or the memory is worse.
-fn slow_rows(gate: &GateReport) -> Vec<usize> {
-    let takes =
-        |change: &&Change| change.kind == ChangeKind::Worse && change.unit.is_some_and(super::Unit::can_be_disturbed);
-    let mut rows: Vec<usize> = gate.changes.iter().filter(takes).filter_map(|change| change.at).collect();
-    rows.sort_unstable();
-    rows.dedup();
-    rows
+    /// Numbers of the rows of which a time or the memory is worse.
+    fn slow_rows(&self, gate: &GateReport, report: &SweepReport) -> Vec<usize> {
+        let takes = |change: &&Change| {
+            change.kind == ChangeKind::Worse && change.unit.is_some_and(super::Unit::can_be_disturbed)
+        };
+        let here = |at: usize| {
+            let key = self.baseline.rows[at].key();
+            let same = |k: &usize| report.rows.get(*k).is_some_and(|row| row.key() == key);
+            // As a rule it has the same number; in another plan it may have another.
+            Some(at).filter(same).or_else(|| (0..report.rows.len()).find(same))
+        };
+        let mut rows: Vec<usize> =
+            gate.changes.iter().filter(takes).filter_map(|change| change.at).filter_map(here).collect();
+        rows.sort_unstable();
+        rows.dedup();
+        rows
+    }
 }
 
 /// What other programs do only ever adds to a time.

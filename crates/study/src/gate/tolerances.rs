@@ -174,6 +174,14 @@ impl Tolerances {
         Ok(())
     }
 
+    /// Compares neither times nor memory.
+    pub fn leave_out_times(&mut self) {
+        (self.times, self.memory) = (Tolerance::OFF, Tolerance::OFF);
+        let takes =
+            |name: &str| FIGURES.iter().any(|f| f.name == name && matches!(f.group, Group::Time | Group::Memory));
+        self.figures.retain(|name, _| !takes(name));
+    }
+
     pub(super) fn of(&self, name: &str, group: Group) -> Tolerance {
         let of_group = match group {
             Group::Error | Group::Neutral => self.errors,

@@ -211,6 +211,11 @@ impl SweepJobs {
         }
     }
 
+    /// What [`Self::loose`] is told.
+    pub(crate) fn common(&self) -> (bool, usize, usize) {
+        (self.common.reference, self.common.refine_steps, self.common.repeats)
+    }
+
     /// The jobs in words.
     pub fn entries(&self) -> Vec<JobEntry> {
         let entry = |(index, job): (usize, &SweepJob)| JobEntry {
