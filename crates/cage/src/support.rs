@@ -6,15 +6,15 @@
 //! a limb that merely touches, or to another component, the way is far longer or there is none.
 
 use std::borrow::Cow;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::fmt;
 use std::num::NonZero;
+use std::ops::ControlFlow;
 use std::str::FromStr;
 
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use pliant_mesh::Topology;
+use pliant_mesh::select::EdgeWalk;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -364,68 +364,44 @@ pub(crate) fn past_all(near: &[Near]) -> f64 {
     1.1 * near.iter().map(|n| n.distance).fold(0.0, f64::max)
 }
 
-/// Shortest ways along the cage's edges from one vertex (Dijkstra), in memory kept from search to search.
+/// Shortest ways along the cage's edges from one vertex, in memory kept from search to search.
 struct Paths {
-    distance: Vec<f64>,
-    /// The search that set a vertex's distance last.
-    stamp: Vec<u32>,
+    walk: EdgeWalk,
+    /// The search that last wanted a vertex.
     wanted: Vec<u32>,
     search: u32,
-    heap: BinaryHeap<Reverse<(u64, u32)>>,
 }
 
 impl Paths {
     fn new(vertices: usize) -> Self {
-        Self {
-            distance: vec![0.0; vertices],
-            stamp: vec![0; vertices],
-            wanted: vec![0; vertices],
-            search: 0,
-            heap: BinaryHeap::new(),
-        }
+        Self { walk: EdgeWalk::new(vertices), wanted: vec![0; vertices], search: 0 }
     }
 
     /// Measures the ways from `source` to `targets` (straight distance and vertex), those longer than [`FAR_WAY`] times the straight
     /// distance excepted.
     fn measure(&mut self, topology: &Topology, positions: &[DVec3], source: u32, targets: &[(f64, u32)]) {
         self.search += 1;
-        let mut open = targets.len();
         for &(_, j) in targets {
             self.wanted[j as usize] = self.search;
         }
         // Nobody needs a way longer than this.
         let limit = FAR_WAY * targets.last().map_or(0.0, |t| t.0);
-        self.heap.clear();
-        self.reach(source, 0.0);
-        while let Some(Reverse((bits, v))) = self.heap.pop() {
-            let here = f64::from_bits(bits);
-            if here > self.distance[v as usize] {
-                continue;
-            }
-            if self.wanted[v as usize] == self.search {
-                self.wanted[v as usize] = 0;
-                open -= 1;
-                if open == 0 {
-                    break;
-                }
-            }
-            for &w in topology.neighbours(v as usize) {
-                let there = here + positions[v as usize].distance(positions[w as usize]);
-                if there <= limit && there < self.distance(w) {
-                    self.reach(w, there);
-                }
-            }
-        }
-    }
-
-    fn reach(&mut self, vertex: u32, distance: f64) {
-        self.distance[vertex as usize] = distance;
-        self.stamp[vertex as usize] = self.search;
-        self.heap.push(Reverse((distance.to_bits(), vertex)));
+        let mut open = targets.len();
+        self.walk.visit(
+            topology,
+            positions,
+            [source],
+            limit,
+            |_| true,
+            |v, _, _| {
+                open -= usize::from(self.wanted[v as usize] == self.search);
+                if open == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            },
+        );
     }
 
     /// Infinite where the last search did not come.
     fn distance(&self, vertex: u32) -> f64 {
-        if self.stamp[vertex as usize] == self.search { self.distance[vertex as usize] } else { f64::INFINITY }
+        self.walk.distance(vertex)
     }
 }

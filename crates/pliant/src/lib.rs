@@ -22,8 +22,9 @@ pub use pliant_io::{
 };
 pub use pliant_linalg as linalg;
 pub use pliant_mesh::metrics::{
-    EdgeErrors, SurfaceDistance, distances_to_surface, edge_errors, edge_errors_at_vertices, flipped_faces,
-    largest_free_stretch, rms_distance, signed_volume, surface_distance, volume_change,
+    EdgeErrors, HausdorffDistance, HausdorffOptions, IntersectionOptions, OneSidedDistance, SelfIntersections,
+    SurfaceDistance, area_change, distances_to_surface, edge_errors, edge_errors_at_vertices, flipped_faces, hausdorff,
+    largest_free_stretch, rms_distance, self_intersections, signed_volume, surface_distance, volume_change,
 };
 pub use pliant_mesh::shapes::creature;
 pub use pliant_mesh::{
@@ -32,8 +33,8 @@ pub use pliant_mesh::{
     shapes, vertex_normals,
 };
 pub use pliant_session::{
-    Autosave, Carried, CoarseStart, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Grip,
-    Levels, NoRoom, Ranges, RefineReport, Refinement, SessionError, SurfacePoint, Update, carry_region,
+    Autosave, Carried, CoarseStart, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Frame,
+    Grip, Levels, NoRoom, Ranges, RefineReport, Refinement, SessionError, SurfacePoint, Update, carry_region,
 };
 pub use pliant_study::{
     Bound, Caged, Calibration, Change, ChangeKind, Checked, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail,

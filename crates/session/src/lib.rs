@@ -12,8 +12,8 @@ mod snap;
 mod transfer;
 
 pub use editor::{
-    Autosave, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Grip, Ranges, RefineReport,
-    Refinement, SurfacePoint, Update,
+    Autosave, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Frame, Grip, Ranges,
+    RefineReport, Refinement, SurfacePoint, Update,
 };
 pub use error::SessionError;
 pub use levels::{CoarseStart, Levels};

@@ -72,7 +72,7 @@ impl SweepReport {
     /// out, as is a failed one of which not even the size is known. Decimated
     /// meshes are no cages and form no series here.
     pub fn find_knees(&self, target: KneeTarget) -> Vec<Knee> {
-        let labels = Labels::of(&self.rows);
+        let labels = Labels::of(self.rows.iter());
         let mut series: Vec<(SeriesKey<'_>, Vec<&SweepRow>)> = Vec::new();
         for row in &self.rows {
             let key = SeriesKey::of(row);
@@ -236,7 +236,7 @@ impl Knee {
     }
 
     /// Why there is none, or what is odd about it.
-    fn note(&self) -> String {
+    pub(super) fn note(&self) -> String {
         match &self.first_within {
             _ if self.found.is_none() => self.reason.clone(),
             Some(first) => format!("a cage of {} vertices meets it too, but not every larger one", first.cage_vertices),

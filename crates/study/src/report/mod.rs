@@ -6,9 +6,12 @@
 mod columns;
 mod comparison;
 mod formats;
+mod html;
 mod knee;
 mod plot;
 mod row;
+#[cfg(test)]
+mod schema;
 mod series;
 mod table;
 #[cfg(test)]
@@ -17,7 +20,8 @@ mod tests;
 use std::collections::BTreeMap;
 
 use pliant_mesh::TriMesh;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 use crate::Calibration;
@@ -36,6 +40,7 @@ pub const SCHEMA: &str = "pliant-sweep/2";
 
 /// The result of a sweep.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SweepReport {
     /// [`SCHEMA`].
     pub schema: String,
@@ -68,6 +73,7 @@ pub const PICTURE_WORST: f64 = 0.3;
 
 /// A machine, as far as times depend on it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Machine {
     /// What the processor calls itself; `null` where the system does not tell.
     pub cpu: Option<String>,
@@ -80,6 +86,7 @@ pub struct Machine {
 
 /// A model of a plan that no row could be planned for.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Refusal {
     /// The model, as the plan names it.
     pub model: String,
@@ -89,6 +96,7 @@ pub struct Refusal {
 
 /// What a report says about its model.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ModelInfo {
     /// File name or generator, as `creature:100000`.
     pub name: String,
@@ -98,6 +106,7 @@ pub struct ModelInfo {
     pub faces: usize,
     /// Length of the bounding box's diagonal in units of the model, by which distances are divided.
     #[serde(with = "row::null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub diagonal: f64,
     /// Whether the surface has no boundary.
     pub closed: bool,
@@ -168,16 +177,44 @@ impl SweepReport {
 
     /// Reads [`SweepReport::to_json`]'s text; finite figures come back to the last bit, `null` as NaN.
     ///
-    /// Unknown fields are skipped, so that a later version's report can be read. `file` names the text's origin in errors.
+    /// Unknown fields are skipped, so that the report of a later version that only adds some can be read. `file` names the text's origin in
+    /// errors.
     ///
     /// # Errors
-    /// Names file, line and column of what is not JSON, missing or of the wrong kind.
+    /// Names file, line and column of what is not JSON, missing or of the wrong kind, and says so of a report whose [`Self::schema`] is
+    /// another than [`SCHEMA`].
     pub fn read_json(json: &str, file: &str) -> Result<Self, ReportError> {
-        serde_json::from_str(json).map_err(|error| {
+        let read = || {
+            // Before all else: in another schema anything may be of another kind.
+            serde_json::from_str::<Header>(json)?;
+            serde_json::from_str(json)
+        };
+        read().map_err(|error| {
             let text = error.to_string();
             let (line, column) = (error.line(), error.column());
             let message = text.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&text).to_owned();
             ReportError { file: file.to_owned(), line, column, message }
         })
     }
+}
+
+/// What tells whether the rest can be read.
+#[derive(Deserialize)]
+struct Header {
+    #[serde(rename = "schema", deserialize_with = "known_schema")]
+    _schema: (),
+}
+
+fn known_schema<'de, D: Deserializer<'de>>(from: D) -> Result<(), D::Error> {
+    let found = String::deserialize(from)?;
+    if found == SCHEMA {
+        return Ok(());
+    }
+    let number = |schema: &str| schema.strip_prefix("pliant-sweep/")?.parse::<u32>().ok();
+    let when = match (number(&found), number(SCHEMA)) {
+        (Some(found), Some(known)) if found > known => "a later version of Pliant made it",
+        (Some(_), Some(_)) => "an earlier version of Pliant made it; run the sweep again",
+        _ => "it is no report of a sweep",
+    };
+    Err(D::Error::custom(format!("the schema is `{found}`, not `{SCHEMA}`: {when}")))
 }

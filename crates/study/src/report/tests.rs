@@ -9,7 +9,7 @@ use crate::paper::paper_sizes;
 /// A sweep as the paper preset makes it: every cage size with both propagations, both prunes and both schedules.
 ///
 /// Figures follow simple laws of the cage size: tests ask how they are written, not what they are.
-fn sweep(vertices: usize) -> SweepReport {
+pub(super) fn sweep(vertices: usize) -> SweepReport {
     let model = ModelInfo {
         name: "shape.obj".to_owned(),
         vertices,
@@ -70,9 +70,9 @@ fn sweep(vertices: usize) -> SweepReport {
 }
 
 /// A name that means something to every format it is written in.
-const HOSTILE: &str = "a,\"b\"\r\nc|d <&> $x^2$ é \u{1}";
+pub(super) const HOSTILE: &str = "a,\"b\"\r\nc|d <&> $x^2$ é \u{1}";
 
-fn hostile() -> SweepReport {
+pub(super) fn hostile() -> SweepReport {
     let mut report = sweep(43_243);
     report.models[0].name = HOSTILE.to_owned();
     report.notes.push(HOSTILE.to_owned());
@@ -102,7 +102,7 @@ fn markdown_table(text: &str) -> Vec<Vec<String>> {
 
 #[test]
 fn json_gives_back_the_same_report_to_the_last_bit() {
-    for report in [sweep(43_243), sweep(100_000), hostile(), SweepReport::default()] {
+    for report in [sweep(43_243), sweep(100_000), hostile(), SweepReport::new(Vec::new())] {
         assert_eq!(SweepReport::read_json(&report.to_json(), "report.json").expect("own JSON"), report);
     }
     // Neighbouring numbers stay apart.
@@ -167,6 +167,20 @@ fn what_is_no_report_is_refused_with_its_place() {
     ] {
         let error = SweepReport::read_json(text, "r.json").expect_err("no report").to_string();
         assert!(error.contains(says) && error.starts_with("r.json:"), "{error}");
+    }
+    for (schema, says) in [
+        (
+            "pliant-sweep/3",
+            "r.json:2:28: the schema is `pliant-sweep/3`, not `pliant-sweep/2`: a later version of Pliant made it",
+        ),
+        ("pliant-sweep/1", "an earlier version of Pliant made it"),
+        ("", "it is no report of a sweep"),
+        ("pliant-sweep/x\\n", "it is no report of a sweep"),
+    ] {
+        // What else has changed does not matter.
+        let other = sweep(43_243).to_json().replacen(SCHEMA, schema, 1).replacen("\"steps\": 20", "\"steps\": {}", 1);
+        let error = SweepReport::read_json(&other, "r.json").expect_err("another schema").to_string();
+        assert!(error.contains(says), "{error}");
     }
     // A later version's extra fields are skipped.
     let later = sweep(43_243).to_json().replacen("\"steps\"", "\"colour\": \"red\", \"steps\"", 1);
