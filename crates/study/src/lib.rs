@@ -3,8 +3,10 @@
 //! [`Study`] takes a shape and a scene through cage, binding, drag and propagation; [`sweep()`] does it for many settings;
 //! [`SweepReport`] tells of it. This crate judges results; it knows neither how a cage is made nor how a method solves.
 
+mod calibrate;
 mod compare;
 mod error;
+pub mod gate;
 mod machine;
 mod measure;
 mod model;
@@ -19,8 +21,13 @@ mod stages;
 mod sweep;
 mod timing;
 
+pub use calibrate::{Calibration, calibrate};
 pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
+pub use gate::{
+    Change, ChangeKind, Checked, GateError, GateReport, Places, Rerun, RerunOptions, Tolerance, Tolerances, Unit,
+    Verdict, compare_reports, read_report,
+};
 pub use model::{Model, ModelError};
 pub use paper::{PaperSizes, PublishedRow, paper_sizes};
 pub use pictures::{coloured, draw_pose, usual_view};

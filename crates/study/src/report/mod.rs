@@ -24,12 +24,16 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
+use crate::Calibration;
+
 pub use comparison::{Comparison, ImplicitRow};
+pub(crate) use formats::on_one_line;
 pub use formats::{FormatError, ReportFormat, SUMMARY_BYTES};
 pub use knee::{Knee, KneeSize, KneeTarget};
 pub(crate) use row::p95;
 pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;
+pub(crate) use table::in_markdown;
 
 /// What [`SweepReport::schema`] says of this form. The number grows when a field changes its meaning or goes; new fields leave it.
 pub const SCHEMA: &str = "pliant-sweep/2";
@@ -75,10 +79,9 @@ pub struct Machine {
     pub cpu: Option<String>,
     /// Threads that worked.
     pub threads: usize,
-    /// Median time of a loop of the arithmetic and memory traffic that stages are made of, run beside the rows: times of two machines are
-    /// compared as multiples of it. `null` if it was not run.
+    /// How fast it was, beside the rows; `null` if that was not measured.
     #[serde(default)]
-    pub calibration_ms: Option<f64>,
+    pub calibration: Option<Calibration>,
 }
 
 /// A model of a plan that no row could be planned for.

@@ -188,7 +188,7 @@ fn quoted(field: String) -> String {
 }
 
 /// Text that stands as it is in a line or cell of Markdown: nothing in it ends either, marks up or opens an element.
-pub(super) fn in_markdown(text: &str) -> String {
+pub(crate) fn in_markdown(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {

@@ -110,7 +110,8 @@ impl SweepJobs {
             }
             let failed = |failure: &Failure| {
                 let vertices = model.map_or(0, |place| place.model.mesh.vertex_count());
-                let row = job.setting.row(&job.name, vertices, &job.scene).failed(failure.clone());
+                let scene = model.map_or(&job.scene, |place| &place.scene.name);
+                let row = job.setting.row(&job.name, vertices, scene).failed(failure.clone());
                 Made { row, pose: None, mesh: None }
             };
             let mut made = match (&place, &study, &mut maker) {

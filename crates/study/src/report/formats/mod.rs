@@ -184,7 +184,7 @@ fn row_names<'r>(
 }
 
 /// Text without control characters, breaks of lines and space round it.
-fn on_one_line(text: &str) -> String {
+pub(crate) fn on_one_line(text: &str) -> String {
     let breaks = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{fffe}' | '\u{ffff}');
     text.replace(breaks, " ").trim().to_owned()
 }
