@@ -129,7 +129,7 @@ impl Aims {
     /// # Errors
     /// [`SessionError::OutsideRegion`] for the handle of a vertex that may not move, [`SessionError::BadGrip`] for a goal too far away to
     /// compute with.
-    pub(crate) fn check(&self, handles: &[EditorHandle], base: &Pose) -> Result<(), SessionError> {
+    pub(crate) fn check(&self, handles: &[EditorHandle]) -> Result<(), SessionError> {
         if let Some(&(at, vertex)) = self.stuck.iter().find(|(at, _)| handles[*at].goal != Similarity::IDENTITY) {
             return Err(SessionError::OutsideRegion { handle: handles[at].id, vertex });
         }

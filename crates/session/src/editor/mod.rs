@@ -252,7 +252,7 @@ impl Editor {
         begun: Instant,
         budget: Duration,
     ) -> Result<Update, SessionError> {
-        prepared.aim(&self.handles, &self.base)?;
+        prepared.aim(&self.handles)?;
         prepared.pose.copy_from_slice(&self.current.cage);
         let mut solves = 0;
         let still = loop {
@@ -307,7 +307,7 @@ impl Editor {
     /// stands still.
     fn solve_from_base(&self, prepared: &mut Prepared) -> Result<(u32, bool), SessionError> {
         prepared.rows.begin(&self.base.cage);
-        prepared.aim(&self.handles, &self.base)?;
+        prepared.aim(&self.handles)?;
         prepared.pose.copy_from_slice(&self.base.cage);
         let (mut solves, mut still) = (0, false);
         while !still && solves <= self.options.release_solves {
