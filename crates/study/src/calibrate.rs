@@ -15,6 +15,7 @@ use crate::stages::milliseconds;
 /// What a fixed loop takes ([`calibrate`]), in milliseconds. Times of two machines, or of one that is busy with other things at times, are
 /// compared as multiples of it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Calibration {
     /// What it takes undisturbed: each kind of its parts as short as it ever was. They are of fractions of a millisecond, which other
     /// programs rarely break off: on one thread this is the same to a few per cent on a quiet machine and on one with four times as much to

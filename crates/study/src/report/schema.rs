@@ -7,6 +7,7 @@ use serde_json::{Map, Value, json};
 use super::columns::COLUMNS;
 use super::tests::{hostile, sweep};
 use super::*;
+use crate::calibrate::Calibration;
 
 /// What the fields' documentation becomes: no links, which only rustdoc follows.
 fn without_links(text: &str) -> String {
@@ -52,7 +53,7 @@ fn schema() -> Value {
 fn unit(field: &str) -> &'static str {
     let of_column = COLUMNS.iter().find(|column| column.key == field).and_then(|column| column.kind.unit());
     match field {
-        "median" | "min" | "max" | "calibration_ms" => "ms",
+        "median" | "min" | "max" | "quiet_ms" | "taken_ms" => "ms",
         "diagonal" => "unit of the model",
         _ => of_column.filter(|unit| *unit != "1").unwrap_or(""),
     }
@@ -112,7 +113,7 @@ fn the_schema_in_the_repository_is_that_of_the_types() {
 /// A report with a value in every field.
 fn full() -> SweepReport {
     let mut report = hostile();
-    report.machine = Some(Machine { cpu: Some("cpu".to_owned()), threads: 2, calibration_ms: Some(1.5) });
+    report.machine = Some(Machine { cpu: Some("cpu".to_owned()), threads: 2, calibration: Some(Calibration { quiet_ms: 1.5, taken_ms: 2.0 }) });
     report.refused.push(Refusal { model: "m".to_owned(), reason: "no".to_owned() });
     report.pictures.insert("0".repeat(32), "aGk=".to_owned());
     let time = Spread::of(&[1.0, 2.0]);

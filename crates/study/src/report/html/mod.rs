@@ -128,7 +128,7 @@ impl SweepReport {
         if let Some(machine) = &self.machine {
             let threads = plural(machine.threads, "thread");
             facts.push(machine.cpu.as_ref().map_or(threads.clone(), |cpu| format!("{cpu}, {threads}")));
-            facts.extend(machine.calibration_ms.map(|ms| format!("calibration loop {ms:.2} ms")));
+            facts.extend(machine.calibration.map(|loops| format!("calibration loop {:.2} ms", loops.quiet_ms)));
         }
         facts
     }
