@@ -1,5 +1,8 @@
 //! How small a cage may be: the smallest within an error, and where a curve of error against size bends.
 
+#[cfg(test)]
+mod tests;
+
 use std::fmt;
 use std::str::FromStr;
 
