@@ -1,7 +1,7 @@
 //! From handles on the shape to what holds the cage and what is set on the shape.
 
 use glam::DVec3;
-use pliant_deform::{Constraint, DeformError, Goals, Handle, Method, PointRows, Region};
+use pliant_deform::{Constraint, DeformError, Goals, Handle, Method, PointRows, Region, Role};
 use pliant_mesh::VertexSet;
 
 use super::{Editor, EditorHandle, Grip, Pose};
@@ -244,12 +244,24 @@ pub(crate) fn targets(editor: &Editor) -> (Vec<u32>, Vec<(usize, Target)>) {
     (sources, owners)
 }
 
-/// The region and the goals that a refinement of the shape works with: the corners of points within faces stay where they were set.
-pub(crate) fn on_shape(editor: &Editor) -> Result<(Region, Goals), SessionError> {
+/// What a refinement of the shape works with.
+pub(crate) struct OnShape {
+    /// The corners of points within faces are fixed in it: they stay where they were set.
+    pub(crate) region: Region,
+    pub(crate) goals: Goals,
+    /// The same for coarser levels, if they are to be gone through: a vertex stands for a point.
+    pub(crate) on_levels: Option<(Region, Goals)>,
+}
+
+/// The region and the goals of a refinement; it goes through levels if the region has at least `levels_from` free vertices.
+pub(crate) fn on_shape(editor: &Editor, levels_from: Option<usize>) -> Result<OnShape, SessionError> {
     let n = editor.rest.vertex_count();
+    let constrained = |roi: &VertexSet, handles: &[Handle]| -> Result<Region, DeformError> {
+        Ok(Region::new(n, roi, handles)?.without_unconstrained(editor.rest.topology()).0)
+    };
     let set: VertexSet =
         targets(editor).1.iter().filter(|(_, t)| matches!(t, Target::Corner { .. })).map(|(_, t)| t.vertex()).collect();
-    let roi = editor.region.clone().unwrap_or_else(|| VertexSet::all(n)).difference(&set);
+    let all = editor.region.clone().unwrap_or_else(|| VertexSet::all(n));
     let held: Vec<&EditorHandle> = editor.handles.iter().filter(|h| vertices(h).is_some()).collect();
     let handles: Vec<Handle> = held
         .iter()
@@ -257,7 +269,12 @@ pub(crate) fn on_shape(editor: &Editor) -> Result<(Region, Goals), SessionError>
             Some(Handle { vertices: vertices(h)?.clone(), rows: PointRows::new(), constraint: h.constraint })
         })
         .collect();
-    let region = Region::new(n, &roi, &handles)?;
-    let (region, _) = region.without_unconstrained(editor.rest.topology());
-    Ok((region, Goals::new(held.iter().map(|h| h.goal).collect())))
+    let region = constrained(&all.difference(&set), &handles)?;
+    let goals = |handles: &mut dyn Iterator<Item = &EditorHandle>| Goals::new(handles.map(|h| h.goal).collect());
+    let free = region.roles().iter().filter(|role| **role == Role::Free).count();
+    let on_levels = levels_from.is_some_and(|least| free >= least).then(|| {
+        let region = constrained(&all, &whole(editor).ok()?).ok()?;
+        Some((region, goals(&mut editor.handles.iter())))
+    });
+    Ok(OnShape { region, goals: goals(&mut held.into_iter()), on_levels: on_levels.flatten() })
 }

@@ -1,11 +1,13 @@
 //! An editing session on one shape.
 
+mod descent;
 mod document;
 mod grip;
 mod held;
 mod options;
 mod prepared;
 mod refinement;
+mod refining;
 mod steps;
 
 use std::ops::Range;
@@ -24,7 +26,7 @@ pub use refinement::{RefineReport, Refinement};
 use crate::history::{History, State};
 use crate::{Levels, SessionError};
 use prepared::Prepared;
-use refinement::Released;
+use refining::Released;
 
 /// A cage that moves less than this share of its diagonal in a solve stands still.
 const STILL: f64 = 1e-6;
@@ -69,6 +71,8 @@ pub struct Editor {
     simplified: Simplified,
     binding: Binding,
     levels: Levels,
+    /// Of the shape, for refinements, once they are made.
+    shape_levels: Option<Levels>,
     /// Where the current step began.
     base: Pose,
     /// What is shown.
@@ -177,6 +181,7 @@ impl Editor {
             simplified,
             binding,
             levels,
+            shape_levels: None,
             current: base.clone(),
             base,
             region: None,
@@ -378,14 +383,8 @@ impl Editor {
             Ok(Update { changed, solves, still, snapped, elapsed: begun.elapsed() })
         })();
         if made.is_ok() {
-            let refinable = held::on_shape(self).ok();
-            self.released = refinable.map(|(region, goals)| Released {
-                began: self.base.clone(),
-                region,
-                goals,
-                refining: None,
-                energy: 0.0,
-            });
+            let refinable = held::on_shape(self, self.options.levels_from).ok();
+            self.released = refinable.map(|held| Released { began: self.base.clone(), held, refining: None });
             self.note(name);
         }
         self.prepared = made.is_err().then_some(prepared);
