@@ -113,7 +113,11 @@ fn the_schema_in_the_repository_is_that_of_the_types() {
 /// A report with a value in every field.
 fn full() -> SweepReport {
     let mut report = hostile();
-    report.machine = Some(Machine { cpu: Some("cpu".to_owned()), threads: 2, calibration: Some(Calibration { quiet_ms: 1.5, taken_ms: 2.0 }) });
+    report.machine = Some(Machine {
+        cpu: Some("cpu".to_owned()),
+        threads: 2,
+        calibration: Some(Calibration { quiet_ms: 1.5, taken_ms: 2.0 }),
+    });
     report.refused.push(Refusal { model: "m".to_owned(), reason: "no".to_owned() });
     report.pictures.insert("0".repeat(32), "aGk=".to_owned());
     let time = Spread::of(&[1.0, 2.0]);
