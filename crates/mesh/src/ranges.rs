@@ -4,9 +4,9 @@ use std::ops::Range;
 
 /// Makes a range hold another one, too.
 pub fn widen(range: &mut Range<usize>, other: &Range<usize>) {
-    if range.start == range.end {
+    if range.is_empty() && !other.is_empty() {
         *range = other.clone();
-    } else if other.start < other.end {
+    } else if !other.is_empty() {
         *range = range.start.min(other.start)..range.end.max(other.end);
     }
 }
