@@ -26,6 +26,8 @@ pub(super) struct Case {
     label: String,
     common: Vec<String>,
     lines: Vec<Line>,
+    /// Rows without figures, which are in no line.
+    failed: usize,
 }
 
 /// A line of the plots.
@@ -79,6 +81,7 @@ pub(super) fn cases(report: &SweepReport) -> Vec<Case> {
         let direct = all.direct.iter().map(|series| Line::of(series, true, colour_of(series)));
         Case {
             label: format!("{model}, scene {scene}"),
+            failed: rows.iter().filter(|&&k| report.rows[k].failure.is_some()).count(),
             lines: sized.chain(direct).collect(),
             // Model and scene are said already.
             common: all.common.into_iter().skip(2).collect(),
@@ -96,7 +99,8 @@ impl Line {
             label: series.label.clone(),
             direct,
             colour,
-            symbol: if direct { "star" } else { pick(&SYMBOLS, series.rule) },
+            // Another one when colours begin again.
+            symbol: if direct { "star" } else { pick(&SYMBOLS, series.rule + series.rule / COLOURS.len()) },
             dash,
             rows: series.points.iter().map(|point| point.row).collect(),
         }
