@@ -5,6 +5,7 @@
 
 mod columns;
 mod comparison;
+mod figure3;
 mod formats;
 mod html;
 mod knee;

@@ -19,7 +19,7 @@ use super::{Detail, SweepReport, SweepRow};
 
 pub use summary::SUMMARY_BYTES;
 
-/// A form of a report. Read and written by its name: [`Self::ALL`] in the order here is `json`, `csv`, `jsonl`, `md`, `summary`, `svg`, `html`,
+/// A form of a report. Read and written by its name: [`Self::ALL`] in the order here is `json`, `csv`, `jsonl`, `md`, `summary`, `svg`, `relative`, `html`,
 /// `junit`, `github-benchmark`, `bencher`, `parquet`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
@@ -36,6 +36,8 @@ pub enum ReportFormat {
     Summary,
     /// [`SweepReport::to_svg`].
     Svg,
+    /// [`SweepReport::to_relative_svg`].
+    Relative,
     /// [`SweepReport::to_html`].
     Html,
     /// [`SweepReport::to_junit`].
@@ -72,13 +74,14 @@ pub enum FormatError {
 
 impl ReportFormat {
     /// Every form.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Json,
         Self::Csv,
         Self::Jsonl,
         Self::Markdown,
         Self::Summary,
         Self::Svg,
+        Self::Relative,
         Self::Html,
         Self::Junit,
         Self::GithubBenchmark,
@@ -95,6 +98,7 @@ impl ReportFormat {
             Self::Markdown => ("md", "md"),
             Self::Summary => ("summary", "summary.md"),
             Self::Svg => ("svg", "svg"),
+            Self::Relative => ("relative", "relative.svg"),
             Self::Html => ("html", "html"),
             Self::Junit => ("junit", "junit.xml"),
             Self::GithubBenchmark => ("github-benchmark", "github-benchmark.json"),
@@ -152,6 +156,7 @@ impl SweepReport {
             ReportFormat::Markdown => self.to_markdown(Detail::Full),
             ReportFormat::Summary => self.to_summary(SUMMARY_BYTES),
             ReportFormat::Svg => self.to_svg(),
+            ReportFormat::Relative => self.to_relative_svg(),
             ReportFormat::Html => self.to_html(),
             ReportFormat::Junit => self.to_junit(),
             ReportFormat::GithubBenchmark => self.to_github_benchmark(),
