@@ -22,7 +22,7 @@ pub(super) enum Reference<'r> {
     /// A row of the group.
     Own(Card<'r>),
     /// One of another group: it differs in what `says`, and stands in the page there.
-    Other { number: usize, says: String },
+    Other { number: usize, says: String, numbers: String },
 }
 
 /// A picture and its numbers.
@@ -86,8 +86,9 @@ impl<'r> Gallery<'r> {
             // One of the same group takes its place when its turn comes.
             let other = beside[k].filter(|&other| key(&report.rows[other]) != key(row));
             if let (Some(other), None) = (other, &group.reference) {
-                group.reference =
-                    Some(Reference::Other { number: other + 1, says: difference(&report.rows[other], row) });
+                let there = &report.rows[other];
+                let (says, numbers) = (difference(there, row), numbers(there));
+                group.reference = Some(Reference::Other { number: other + 1, says, numbers });
             }
             group.cards.push(card);
         }
@@ -112,12 +113,9 @@ fn title(row: &SweepRow) -> String {
 
 /// Its main figures.
 fn numbers(row: &SweepRow) -> String {
-    let percent = |x| format!("{} %", table::percent(x));
-    let mut said = vec![
-        format!("RMS {}", percent(row.rms_relative)),
-        format!("p95 {}", percent(row.edge_p95)),
-        format!("max {}", percent(row.edge_max)),
-    ];
+    let errors = [("RMS", row.rms_relative), ("p95", row.edge_p95), ("max", row.edge_max)];
+    let known = errors.into_iter().filter(|(_, error)| error.is_finite());
+    let mut said: Vec<String> = known.map(|(name, error)| format!("{name} {} %", table::percent(error))).collect();
     if row.edit_ms().is_finite() {
         said.push(format!("edit {} ms", (table::EDIT.cell)(row).rounded()));
     }

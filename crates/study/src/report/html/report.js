@@ -158,7 +158,7 @@
       if (broken.at(-1) !== "" && broken.at(-1).length + part.length > letters) broken.push("");
       broken[broken.length - 1] += part;
     }
-    return broken.map(plain).join("<br>");
+    return broken.map(plain);
   };
   // Beyond it a figure says only that something went wrong, and an axis that reaches it would hide all the rest.
   const ABSURD = 1e9;
@@ -190,7 +190,7 @@
     };
     group.lines.forEach((line, k) => {
       const y = line.rows.map((row) => value(row, figure)).map((x) => (drawable(x) ? x : null));
-      const look = { name: folded(line.label, letters), line: { color: line.colour ?? ink, dash: line.dash, width: 2 }, marker: { color: line.colour ?? ink, symbol: line.symbol, size: line.direct ? 12 : 9 } };
+      const look = { name: folded(line.label, letters).join("<br>"), line: { color: line.colour ?? ink, dash: line.dash, width: 2 }, marker: { color: line.colour ?? ink, symbol: line.symbol, size: line.direct ? 12 : 9 } };
       const texts = line.rows.map((row) => hover(row, line, figure));
       const times = line.rows.map((row) => number(row, "edit_ms"));
       const points = { ...look, y, text: texts, customdata: line.rows };
@@ -248,8 +248,10 @@
     const wide = across > 760;
     // What a legend takes: a sample of 60 pixels and 7.5 a letter.
     const letters = Math.max(20, Math.floor((across - 80) / 7.5));
+    const labels = group.lines.map((line) => folded(line.label, letters));
     const longest = Math.min(letters, Math.max(...group.lines.map((line) => line.label.length)));
     const perLine = Math.max(1, Math.floor(across / (7.5 * longest + 60)));
+    const legendLines = 1 + (perLine > 1 ? Math.ceil(labels.length / perLine) : labels.flat().length);
     const data = traces(group, figure, { ink, range, drawable, letters });
     const axis = { gridcolor: grid, linecolor: ink, tickcolor: grid, showline: true, ticks: "outside", automargin: true, zeroline: false, exponentformat: "none", separatethousands: true };
     const size = { ...axis, type: "log", title: { text: "cage vertices" }, range };
@@ -258,7 +260,7 @@
     const domain = wide ? [[0, 0.47], [0.55, 1]] : [[0, 1], [0, 1]];
     const layout = {
       width,
-      height: (wide ? 460 : 820) + 24 * Math.ceil(group.lines.length / perLine),
+      height: (wide ? 440 : 800) + 26 * legendLines,
       xaxis: { ...size, domain: domain[0] },
       xaxis2: { ...time, domain: domain[1], anchor: "y2" },
       yaxis: { ...upright, domain: wide ? [0, 1] : [0.58, 1] },
