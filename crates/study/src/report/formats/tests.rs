@@ -12,7 +12,7 @@ use crate::report::{Failure, FailureKind, Machine, ModelInfo, Refusal, RowTimes,
 fn hard() -> SweepReport {
     let mut report = hostile();
     report.version = HOSTILE.to_owned();
-    report.machine = Some(Machine { cpu: Some(HOSTILE.to_owned()), threads: 2, calibration_ms: None });
+    report.machine = Some(Machine { cpu: Some(HOSTILE.to_owned()), threads: 2, calibration: None });
     report.refused.push(Refusal { model: "]]></testsuite>".to_owned(), reason: HOSTILE.to_owned() });
     report.rows[2].rms_relative = f64::INFINITY;
     report.rows[3].edge_max = f64::NAN;
