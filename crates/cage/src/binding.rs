@@ -90,7 +90,7 @@ fn bad_tiny(found: String) -> CageError {
     CageError::BadOption { what: "tiny (a share of the largest entry, at least 0 and below 1)", found }
 }
 
-/// Reads a prune rule and, each after a `+`, `surface`, `space`, `smoothing:NEIGHBOURS`, `tiny:SHARE` or `exact`.
+/// Reads a prune rule and, each after a `+`, `surface`, `space`, `rings`, `smoothing:NEIGHBOURS`, `tiny:SHARE` or `exact`.
 impl FromStr for BindOptions {
     type Err = CageError;
 

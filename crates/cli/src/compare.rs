@@ -100,7 +100,7 @@ fn cases(options: &CompareOptions, console: &Console, files: &[(PathBuf, &str)])
 fn draw(shape: &TriMesh, compared: &Compared) -> Result<SheetRow> {
     let base =
         PictureOptions { width: 150, height: 130, view: usual_view(&shape.bounds()), ..PictureOptions::default() };
-    let options = PictureOptions { framing: Some(framing(shape, compared)), ..base };
+    let options = PictureOptions { framing: framing(shape, compared).corners().to_vec(), ..base };
     let mut pictures = Vec::new();
     for pose in compared.poses.iter().flatten() {
         pictures.push(coloured(shape, pose, &options)?);

@@ -94,12 +94,16 @@ fn write_meshes(out: &Path, meshes: &[(&str, &TriMesh)], console: &Console) -> R
 /// A picture of each mesh, all seen by one camera, and one of all side by side.
 fn draw(out: &Path, meshes: &[(&str, &TriMesh)], console: &Console) -> Result<Vec<PathBuf>> {
     let points: Vec<_> = meshes.iter().flat_map(|(_, mesh)| [mesh.bounds().min, mesh.bounds().max]).collect();
-    let framing = Some(Bounds::of(&points));
+    let framing = Bounds::of(&points).corners();
     let work = |_: &dyn pliant::Progress| -> Result<Vec<PathBuf>> {
         let mut small = Vec::new();
         let mut paths = Vec::new();
         for (name, mesh) in meshes {
-            let options = PictureOptions { wireframe: name.starts_with("cage"), framing, ..PictureOptions::default() };
+            let options = PictureOptions {
+                wireframe: name.starts_with("cage"),
+                framing: framing.to_vec(),
+                ..PictureOptions::default()
+            };
             paths.push(out.join(format!("{name}.png")));
             write_png(&paths[paths.len() - 1], &render(mesh, &options)?)?;
             small.push(render(mesh, &PictureOptions { width: 640, height: 480, ..options })?);

@@ -8,7 +8,7 @@ use pliant_io::picture::{
     Picture, PictureOptions, SheetCell, SheetRow, Values, View, colour_map, contact_sheet, render, render_values,
     strip, trim_alike, write_png,
 };
-use pliant_mesh::{Bounds, TriMesh};
+use pliant_mesh::TriMesh;
 
 const FRONT: View = View { from: DVec3::Z, up: DVec3::Y };
 
@@ -73,7 +73,7 @@ fn pictures_share_a_camera() {
     let before = squares(&[(-2.0, 0.0), (1.0, 0.0)]);
     let after = squares(&[(-2.0, 0.0), (1.8, 0.3)]);
     let all: Vec<DVec3> = before.positions.iter().chain(&after.positions).copied().collect();
-    let options = PictureOptions { framing: Some(Bounds::of(&all)), ..small() };
+    let options = PictureOptions { framing: all, ..small() };
     let [a, b] = [before, after].map(|m| render(&m, &options).expect("a picture"));
     assert_ne!(a, b);
     for y in 0..a.height {
@@ -127,7 +127,7 @@ fn small_relief_shows() {
     let smooth = sphere(5);
     let bump = |p: &DVec3| *p * (1.0 + 0.0175 * (18.0 * p.x).sin() * (18.0 * p.y).sin());
     let bumpy = smooth.with_positions(smooth.positions.iter().map(bump).collect()).expect("finite");
-    let options = PictureOptions { framing: Some(smooth.bounds()), ..small() };
+    let options = PictureOptions { framing: smooth.positions.clone(), ..small() };
     let [a, b] = [&smooth, &bumpy].map(|m| render(m, &options).expect("a picture"));
     let differ = a.rgb.iter().zip(&b.rgb).filter(|(a, b)| a.abs_diff(**b) >= 5).count();
     assert!(2 * differ > 3 * covered(&a), "{differ} of {} bytes", 3 * covered(&a));

@@ -4,9 +4,12 @@ use std::ops::Range;
 
 /// Makes a range hold another one, too.
 pub fn widen(range: &mut Range<usize>, other: &Range<usize>) {
-    if range.start == range.end {
+    if other.start >= other.end {
+        return;
+    }
+    if range.start >= range.end {
         *range = other.clone();
-    } else if other.start < other.end {
+    } else {
         *range = range.start.min(other.start)..range.end.max(other.end);
     }
 }

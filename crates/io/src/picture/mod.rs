@@ -27,7 +27,7 @@ use std::fmt;
 use std::path::Path;
 
 use glam::DVec3;
-use pliant_mesh::{Bounds, TriMesh};
+use pliant_mesh::TriMesh;
 use thiserror::Error;
 
 use crate::{FileError, IoError, write_atomic};
@@ -53,9 +53,9 @@ pub struct PictureOptions {
     pub background: [u8; 3],
     /// Samples along each side of a pixel, 1 to 8; 2 or 3 make smooth outlines. Default: 3.
     pub supersampling: u32,
-    /// What the picture has to hold. Pictures of the same size, view and framing share one camera, so what stayed in
-    /// place is in the same pixels. None (the default) frames the mesh itself, tightly.
-    pub framing: Option<Bounds>,
+    /// Points that the picture has to hold, with as little round them as can be. Pictures of the same size, view and framing share one
+    /// camera, so what stayed in place is in the same pixels. Default: none, for the mesh's own.
+    pub framing: Vec<DVec3>,
 }
 
 impl Default for PictureOptions {
@@ -68,7 +68,7 @@ impl Default for PictureOptions {
             colour: [214, 173, 140],
             background: [255, 255, 255],
             supersampling: 3,
-            framing: None,
+            framing: Vec::new(),
         }
     }
 }

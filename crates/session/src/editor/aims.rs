@@ -26,8 +26,10 @@ const THERE: f64 = 1e-13;
 #[derive(Default)]
 pub(crate) struct Aims {
     pub(crate) vertices: Vec<u32>,
-    /// Of the vertices of vertex handles, the place of the handle and the goal.
-    held: Vec<(usize, DVec3)>,
+    /// Goals of the vertices of vertex handles.
+    held: Vec<DVec3>,
+    /// Whose these are: the place of the handle, the range of its vertices, and its goal.
+    groups: Vec<(usize, Range<usize>, Similarity)>,
     points: Vec<Point>,
     /// Whether two points move the same corner.
     shared: bool,
@@ -35,6 +37,8 @@ pub(crate) struct Aims {
     stuck: Vec<(usize, u32)>,
     /// Of the shape.
     diagonal: f64,
+    /// The largest coordinate of the shape where the step begins.
+    farthest: f64,
 }
 
 /// A point within a face that is to go somewhere.
@@ -78,13 +82,14 @@ impl Aims {
         let base = &editor.base.shape;
         let inside = |v: u32| editor.may_move(v);
         let hard = || editor.handles.iter().enumerate().filter(|(_, h)| h.constraint == Constraint::Hard);
-        let mut aims = Self { diagonal: editor.rest.bounds().diagonal(), ..Self::default() };
+        let farthest = base.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        let mut aims = Self { diagonal: editor.rest.bounds().diagonal(), farthest, ..Self::default() };
         for (at, handle) in hard() {
             let Grip::Vertices(set) = &handle.grip else { continue };
-            for v in set.iter().filter(|v| inside(*v)) {
-                aims.vertices.push(v);
-                aims.held.push((at, base[v as usize]));
-            }
+            let first = aims.held.len();
+            aims.vertices.extend(set.iter().filter(|v| inside(*v)));
+            aims.held.extend(aims.vertices[first..].iter().map(|&v| base[v as usize]));
+            aims.groups.push((at, first..aims.held.len(), Similarity::IDENTITY));
             aims.stuck.extend(set.iter().find(|v| !inside(*v)).map(|v| (at, v)));
         }
         let mut places: HashMap<u32, usize> = aims.vertices.iter().copied().zip(0..).collect();
@@ -124,29 +129,32 @@ impl Aims {
     /// # Errors
     /// [`SessionError::OutsideRegion`] for the handle of a vertex that may not move, [`SessionError::BadGrip`] for a goal too far away to
     /// compute with.
-    pub(crate) fn check(&self, handles: &[EditorHandle], base: &Pose) -> Result<(), SessionError> {
+    pub(crate) fn check(&self, handles: &[EditorHandle]) -> Result<(), SessionError> {
         if let Some(&(at, vertex)) = self.stuck.iter().find(|(at, _)| handles[*at].goal != Similarity::IDENTITY) {
             return Err(SessionError::OutsideRegion { handle: handles[at].id, vertex });
         }
-        let held = self.held.iter().zip(&self.vertices).map(|((at, _), &v)| (*at, base.shape[v as usize]));
-        let mut all = held.chain(self.points.iter().map(|p| (p.handle, p.of.place(&base.shape))));
-        match all.find(|(at, place)| !handles[*at].goal.apply(*place).is_finite()) {
-            Some((at, _)) => {
-                let reason = format!("the goal of handle {} is too far away to compute with", handles[at].id);
-                Err(SessionError::BadGrip { reason })
+        let all = self.groups.iter().map(|group| group.0).chain(self.points.iter().map(|point| point.handle));
+        for handle in all.map(|at| &handles[at]) {
+            let farthest = 4.0 * self.farthest * handle.goal.scale + 4.0 * handle.goal.translation.abs().max_element();
+            if !farthest.is_finite() {
+                let reason = format!("the goal of handle {} is too far away to compute with", handle.id);
+                return Err(SessionError::BadGrip { reason });
             }
-            None => Ok(()),
         }
+        Ok(())
     }
 
     /// Takes over the goals of the handles; the range of vertices that this moves, with those that follow them.
     pub(crate) fn set(&mut self, handles: &[EditorHandle], base: &Pose, fade: &Fade) -> Range<usize> {
         let mut changed = 0..0;
-        for (((at, aim), &v), reach) in self.held.iter_mut().zip(&self.vertices).zip(&fade.reach) {
-            let goal = handles[*at].goal.apply(base.shape[v as usize]);
-            if differs(*aim, goal) {
-                *aim = goal;
-                widen(&mut changed, reach);
+        for (at, places, last) in self.groups.iter_mut().filter(|(at, _, last)| handles[*at].goal != *last) {
+            *last = handles[*at].goal;
+            for place in places.clone() {
+                let goal = last.apply(base.shape[self.vertices[place] as usize]);
+                if differs(self.held[place], goal) {
+                    self.held[place] = goal;
+                    widen(&mut changed, &fade.reach[place]);
+                }
             }
         }
         let mut moved = 0..0;
@@ -189,7 +197,7 @@ impl Aims {
     /// share corners, each of them in turn moves its own by as little as brings it there (Kaczmarz's method), until all are there.
     pub(crate) fn targets<P: Place>(&self, shape: &[P], targets: &mut Vec<DVec3>) -> f64 {
         targets.clear();
-        targets.extend(self.held.iter().map(|(_, goal)| *goal));
+        targets.extend_from_slice(&self.held);
         targets.extend(self.corners().iter().map(|&v| shape[v as usize].double()));
         let miss = |point: &Point, targets: &[DVec3]| {
             point.miss(|k| match point.set[k] {

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use glam::DVec3;
-use pliant_deform::{Constraint, DeformError, Goals, Handle, Method, PointRows, Region};
+use pliant_deform::{Constraint, DeformError, Goals, Handle, Method, PointRows, Region, Role};
 use pliant_mesh::VertexSet;
 
 use super::rows::{Corners, RowPoint};
@@ -136,20 +136,60 @@ fn stand_ins(editor: &Editor, handle: &EditorHandle) -> Vec<u32> {
     std::iter::once(owner).chain(ring).collect()
 }
 
+/// What a refinement of the shape works with.
+pub(crate) struct OnShape {
+    /// The corners of points within faces are fixed in it: they stay where they were set.
+    pub(crate) region: Region,
+    pub(crate) goals: Goals,
+    /// The same for coarser levels, if they are to be gone through: a vertex stands for a point.
+    pub(crate) on_levels: Option<(Region, Goals)>,
+}
+
 /// The region and the goals that a refinement of the shape works with. The `corners` of points within faces stay where they were set.
-pub(crate) fn on_shape(editor: &Editor, corners: &[u32]) -> Result<(Region, Goals), SessionError> {
+pub(crate) fn on_shape(editor: &Editor, corners: &[u32]) -> Result<OnShape, SessionError> {
     let n = editor.rest.vertex_count();
     let corners: VertexSet = corners.iter().copied().collect();
-    let roi = VertexSet::where_true(n, |v| editor.may_move(v)).difference(&corners);
+    let may_move = VertexSet::where_true(n, |v| editor.may_move(v));
+    let held = editor.handles.iter().filter_map(|handle| Some((handle, handle.grip.vertices()?.clone()))).collect();
+    let (region, goals) = constrained(editor, &may_move.difference(&corners), held)?;
+    let free = region.roles().iter().filter(|role| **role == Role::Free).count();
+    let on_levels = editor.options.levels_from.is_some_and(|least| free >= least);
+    let on_levels = on_levels.then(|| constrained(editor, &may_move, whole(editor)).ok()).flatten();
+    Ok(OnShape { region, goals, on_levels })
+}
+
+/// Handles that hold vertices of a region of interest, and their goals.
+fn constrained(
+    editor: &Editor,
+    roi: &VertexSet,
+    held: Vec<(&EditorHandle, VertexSet)>,
+) -> Result<(Region, Goals), DeformError> {
     let (mut handles, mut goals) = (Vec::new(), Vec::new());
-    for handle in &editor.handles {
-        let vertices = handle.grip.vertices().map(|set| set.intersection(&roi)).unwrap_or_default();
+    for (handle, vertices) in held {
+        let vertices = vertices.intersection(roi);
         if !vertices.is_empty() {
             handles.push(Handle { vertices, rows: PointRows::new(), constraint: handle.constraint });
             goals.push(handle.goal);
         }
     }
-    let region = Region::new(n, &roi, &handles)?;
+    let region = Region::new(editor.rest.vertex_count(), roi, &handles)?;
     let (region, _) = region.without_unconstrained(editor.rest.topology());
     Ok((region, Goals::new(goals)))
+}
+
+/// The handles as vertices of the shape. A point stands for a corner of its face that no other handle has, if there is one.
+fn whole(editor: &Editor) -> Vec<(&EditorHandle, VertexSet)> {
+    let mut taken: HashSet<u32> =
+        editor.handles.iter().filter_map(|handle| handle.grip.vertices()).flat_map(VertexSet::iter).collect();
+    let mut held = Vec::new();
+    for handle in &editor.handles {
+        match &handle.grip {
+            Grip::Vertices(set) => held.push((handle, set.clone())),
+            Grip::Point(point) => {
+                let corner = point.on(editor.rest.triangles()).vertices.into_iter().find(|v| taken.insert(*v));
+                held.extend(corner.map(|v| (handle, VertexSet::from_iter([v]))));
+            }
+        }
+    }
+    held
 }

@@ -2,6 +2,7 @@
 
 mod aims;
 mod carrier;
+mod descent;
 mod document;
 mod grip;
 mod handles;
@@ -10,6 +11,7 @@ mod options;
 mod part;
 mod prepared;
 mod refinement;
+mod refining;
 mod rows;
 mod shown;
 mod steps;
@@ -34,7 +36,7 @@ use aims::differs;
 use carrier::{Bound, Posed};
 use handles::Movable;
 use prepared::Prepared;
-use refinement::Released;
+use refining::Released;
 use shown::Shown;
 
 /// A cage that moves less than this share of its diagonal in a solve stands still.
@@ -80,6 +82,8 @@ pub struct Editor {
     simplified: Simplified,
     bound: Bound,
     levels: Levels,
+    /// Of the shape, for refinements, once they are made.
+    shape_levels: Option<Levels>,
     /// Where the current step began.
     base: Pose,
     /// What is shown. If only its single precision is up to date, `prepared` can carry the rest.
@@ -177,6 +181,7 @@ impl Editor {
             simplified,
             bound: Bound::new(binding),
             levels,
+            shape_levels: None,
             current: Shown::new(&base),
             base,
             region: None,
@@ -252,7 +257,7 @@ impl Editor {
         begun: Instant,
         budget: Duration,
     ) -> Result<Update, SessionError> {
-        prepared.aim(&self.handles, &self.base)?;
+        prepared.aim(&self.handles)?;
         prepared.pose.copy_from_slice(&self.current.cage);
         let mut solves = 0;
         let still = loop {
@@ -307,7 +312,7 @@ impl Editor {
     /// stands still.
     fn solve_from_base(&self, prepared: &mut Prepared) -> Result<(u32, bool), SessionError> {
         prepared.rows.begin(&self.base.cage);
-        prepared.aim(&self.handles, &self.base)?;
+        prepared.aim(&self.handles)?;
         prepared.pose.copy_from_slice(&self.base.cage);
         let (mut solves, mut still) = (0, false);
         while !still && solves <= self.options.release_solves {

@@ -3,7 +3,7 @@
 use pliant_mesh::Similarity;
 
 use super::held::on_shape;
-use super::refinement::Released;
+use super::refining::Released;
 use super::{DocumentStep, Editor, Pose, Update};
 use crate::SessionError;
 use crate::history::{History, State};
@@ -118,7 +118,7 @@ impl Editor {
         for handle in &mut self.handles {
             handle.goal = Similarity::IDENTITY;
         }
-        self.released = refinable.map(|(region, goals)| Released { began, region, goals, refining: None, energy: 0.0 });
+        self.released = refinable.map(|held| Released { began, held, refining: None });
     }
 
     /// Steps of the document that are undone: those that were joined count with the one they joined.

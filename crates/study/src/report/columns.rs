@@ -55,7 +55,7 @@ impl Kind {
     }
 
     /// The unit of the values that programs read; none of what is no number.
-    #[cfg(feature = "parquet")]
+    #[cfg(any(test, feature = "parquet"))]
     pub(super) fn unit(self) -> Option<&'static str> {
         match self {
             Self::Text | Self::Flag => None,

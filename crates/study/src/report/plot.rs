@@ -1,5 +1,8 @@
 //! The sweep as a picture: error and time against cage size.
 
+#[cfg(test)]
+mod tests;
+
 use std::sync::Arc;
 
 use kuva::backend::svg::SvgBackend;

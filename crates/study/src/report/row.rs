@@ -108,7 +108,8 @@ pub struct SweepRow {
     /// fraction of the diagonal; `null` unless asked for.
     #[serde(default)]
     pub distance_to_converged: Option<f64>,
-    /// Hausdorff distance of the surface to that of converged as-rigid-as-possible deformation without a cage, as a fraction of the
+    /// Hausdorff distance of the surface to that of converged as-rigid-as-possible deformation without a cage (of a decimated mesh, between
+    /// vertices and surfaces, both ways), as a fraction of the
     /// diagonal; `null` unless asked for.
     #[serde(default)]
     pub hausdorff_to_converged: Option<f64>,

@@ -19,7 +19,7 @@ use super::{Detail, SweepReport, SweepRow};
 
 pub use summary::SUMMARY_BYTES;
 
-/// A form of a report. Read and written by its name: [`Self::ALL`] in the order here is `json`, `csv`, `jsonl`, `md`, `summary`, `svg`,
+/// A form of a report. Read and written by its name: [`Self::ALL`] in the order here is `json`, `csv`, `jsonl`, `md`, `summary`, `svg`, `html`,
 /// `junit`, `github-benchmark`, `bencher`, `parquet`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
@@ -36,6 +36,8 @@ pub enum ReportFormat {
     Summary,
     /// [`SweepReport::to_svg`].
     Svg,
+    /// [`SweepReport::to_html`].
+    Html,
     /// [`SweepReport::to_junit`].
     Junit,
     /// [`SweepReport::to_github_benchmark`].
@@ -70,13 +72,14 @@ pub enum FormatError {
 
 impl ReportFormat {
     /// Every form.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Json,
         Self::Csv,
         Self::Jsonl,
         Self::Markdown,
         Self::Summary,
         Self::Svg,
+        Self::Html,
         Self::Junit,
         Self::GithubBenchmark,
         Self::Bencher,
@@ -92,6 +95,7 @@ impl ReportFormat {
             Self::Markdown => ("md", "md"),
             Self::Summary => ("summary", "summary.md"),
             Self::Svg => ("svg", "svg"),
+            Self::Html => ("html", "html"),
             Self::Junit => ("junit", "junit.xml"),
             Self::GithubBenchmark => ("github-benchmark", "github-benchmark.json"),
             Self::Bencher => ("bencher", "bencher.json"),
@@ -148,6 +152,7 @@ impl SweepReport {
             ReportFormat::Markdown => self.to_markdown(Detail::Full),
             ReportFormat::Summary => self.to_summary(SUMMARY_BYTES),
             ReportFormat::Svg => self.to_svg(),
+            ReportFormat::Html => self.to_html(),
             ReportFormat::Junit => self.to_junit(),
             ReportFormat::GithubBenchmark => self.to_github_benchmark(),
             ReportFormat::Bencher => self.to_bencher(),

@@ -168,15 +168,17 @@ fn bencher_has_a_metric_for_each_figure_that_is_there() {
             assert!(metric.keys().all(|key| ["value", "lower_value", "upper_value"].contains(&key.as_str())));
         }
     }
-    let first = &benchmarks["a,\"b\"  c|d <&> $x^2$ é  , scene armadillo-2, arap:cotangent, cage 1500, positions, magnitude:0.03, 20 x 2"];
+    let first = &benchmarks["a,\"b\"  c|d <&> $x^2$ é  , scene armadillo-2, cage 1500, arap:cotangent, positions, magnitude:0.03, 20 x 2"];
     assert_eq!(first["rms-relative-percent"]["value"], 100.0 * report.rows[0].rms_relative);
     assert!(first.get("bind-ms").is_none() && first.get("distance-to-converged-percent").is_none());
     let bound = benchmarks.values().find(|measures| measures.get("bind-ms").is_some()).expect("a binding");
     assert_eq!(bound["bind-ms"], serde_json::json!({ "value": 2.0, "lower_value": 1.0, "upper_value": 4.0 }));
 }
 
+type Rule = (&'static str, &'static [&'static str], &'static [&'static str], &'static [&'static str]);
+
 /// Elements that both schemas allow in an element, in the order that Surefire's demands, and attributes: all that may be, then those that must.
-const RULES: [(&str, &[&str], &[&str], &[&str]); 9] = [
+const RULES: [Rule; 9] = [
     ("testsuites", &["testsuite"], &["name", "time", "tests", "failures", "errors"], &[]),
     (
         "testsuite",

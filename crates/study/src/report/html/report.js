@@ -31,8 +31,9 @@
   const picture = (row) => {
     const from = document.querySelector(`#picture-${row + 1} img`);
     if (!from) return element("figure", element("figcaption", `Row ${row + 1} has no picture.`));
-    const caption = byId(`picture-${row + 1}`).querySelector("figcaption").innerText;
-    return element("figure", [element("img", [], { src: from.src, alt: from.alt }), element("figcaption", caption)]);
+    const caption = byId(`picture-${row + 1}`).querySelector("figcaption").cloneNode(true);
+    caption.querySelector("a").replaceWith(`Row ${row + 1}:`);
+    return element("figure", [element("img", [], { src: from.src, alt: from.alt }), caption]);
   };
   const shownRows = () => [...table.tBodies[0].rows].filter((line) => !line.hidden).map((line) => lines.indexOf(line));
 
@@ -58,7 +59,7 @@
     const said = [...(failure ? [`No figures: ${failure.reason}`] : []), ...warnings];
     const compared = [row, ...(other === null ? [] : [other])];
     const cells = (tag, parts) => element("tr", parts.map((part, k) => element(tag, part, { className: k > 0 ? "number" : "" })));
-    const figures = columns.map((column, k) => [column.heading, ...compared.map((each) => text(each, k))]);
+    const figures = columns.map((column, k) => [column.heading, ...compared.map((each) => text(each, k))]).slice(1);
     detail.replaceChildren(
       head,
       element("ul", said.map((line) => element("li", line)), { hidden: said.length === 0 }),
@@ -150,6 +151,15 @@
   };
   // Plotly reads some tags in texts.
   const plain = (said) => said.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
+  // In lines of so many letters, broken after commas.
+  const folded = (said, letters) => {
+    const broken = [""];
+    for (const part of said.split(/(?<=, )/)) {
+      if (broken.at(-1) !== "" && broken.at(-1).length + part.length > letters) broken.push("");
+      broken[broken.length - 1] += part;
+    }
+    return broken.map(plain).join("<br>");
+  };
   // Beyond it a figure says only that something went wrong, and an axis that reaches it would hide all the rest.
   const ABSURD = 1e9;
   const WIDE_RANGE = 20;
@@ -171,7 +181,7 @@
   }
 
   // The lines of a case: against cage size on the left ("x"), against time on the right ("x2").
-  function traces(group, figure, ink, range, drawable) {
+  function traces(group, figure, { ink, range, drawable, letters }) {
     const made = [];
     const across = Array.from({ length: 25 }, (_, k) => 10 ** (range[0] + ((range[1] - range[0]) * k) / 24));
     const add = (side, legend, trace) => {
@@ -180,7 +190,7 @@
     };
     group.lines.forEach((line, k) => {
       const y = line.rows.map((row) => value(row, figure)).map((x) => (drawable(x) ? x : null));
-      const look = { name: plain(line.label), line: { color: line.direct ? ink : line.colour, dash: line.dash, width: 2 }, marker: { color: line.direct ? ink : line.colour, symbol: line.symbol, size: 9 } };
+      const look = { name: folded(line.label, letters), line: { color: line.colour ?? ink, dash: line.dash, width: 2 }, marker: { color: line.colour ?? ink, symbol: line.symbol, size: line.direct ? 12 : 9 } };
       const texts = line.rows.map((row) => hover(row, line, figure));
       const times = line.rows.map((row) => number(row, "edit_ms"));
       const points = { ...look, y, text: texts, customdata: line.rows };
@@ -229,33 +239,36 @@
     const { group, figure } = chosen();
     const log = choice.log.checked;
     const style = getComputedStyle(document.documentElement);
-    const [ink, grid, raised] = ["--ink", "--line", "--raised"].map((name) => style.getPropertyValue(name).trim());
+    const [ink, grid, raised, quiet, accent] = ["--ink", "--line", "--raised", "--quiet", "--accent"].map((name) => style.getPropertyValue(name).trim());
     const drawable = (x) => x !== null && Math.abs(x) < ABSURD && (!log || x > 0);
 
     const sizes = group.lines.filter((line) => !line.direct).flatMap((line) => line.rows.map((row) => Math.max(rows[row].cage_vertices, 1)));
     const range = sizes.length > 0 ? [Math.log10(Math.min(...sizes) / 1.6), Math.log10(Math.max(...sizes) * 1.6)] : [2, 4];
-    const data = traces(group, figure, ink, range, drawable);
-
-    const wide = (width ?? plot.clientWidth) > 760;
-    const longest = Math.max(...group.lines.map((line) => line.label.length));
-    const perLine = Math.max(1, Math.floor((width ?? plot.clientWidth) / (7.5 * longest + 70)));
-    const axis = { gridcolor: grid, linecolor: ink, tickcolor: grid, showline: true, ticks: "outside", automargin: true, zeroline: false, exponentformat: "power", separatethousands: true };
+    const across = width ?? plot.clientWidth;
+    const wide = across > 760;
+    // What a legend takes: a sample of 60 pixels and 7.5 a letter.
+    const letters = Math.max(20, Math.floor((across - 80) / 7.5));
+    const longest = Math.min(letters, Math.max(...group.lines.map((line) => line.label.length)));
+    const perLine = Math.max(1, Math.floor(across / (7.5 * longest + 60)));
+    const data = traces(group, figure, { ink, range, drawable, letters });
+    const axis = { gridcolor: grid, linecolor: ink, tickcolor: grid, showline: true, ticks: "outside", automargin: true, zeroline: false, exponentformat: "none", separatethousands: true };
     const size = { ...axis, type: "log", title: { text: "cage vertices" }, range };
     const time = { ...axis, type: "log", title: { text: "time of one edit (ms)" } };
     const upright = { ...axis, type: log ? "log" : "linear", rangemode: log ? "normal" : "tozero", title: { text: figure.heading } };
     const domain = wide ? [[0, 0.47], [0.55, 1]] : [[0, 1], [0, 1]];
     const layout = {
       width,
-      height: (wide ? 460 : 820) + 20 * Math.ceil(group.lines.length / perLine),
+      height: (wide ? 460 : 820) + 24 * Math.ceil(group.lines.length / perLine),
       xaxis: { ...size, domain: domain[0] },
       xaxis2: { ...time, domain: domain[1], anchor: "y2" },
       yaxis: { ...upright, domain: wide ? [0, 1] : [0.58, 1] },
       yaxis2: { ...upright, domain: wide ? [0, 1] : [0, 0.42], anchor: "x2", matches: "y" },
-      legend: { orientation: "h", y: wide ? -0.2 : -0.12, yanchor: "top", x: 0 },
+      legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", x: 0 },
       margin: { l: 60, r: 12, t: 12, b: 50 },
       hovermode: "closest",
       hoverlabel: { align: "left", bgcolor: raised, bordercolor: grid, font: { color: ink, size: 12 } },
       font: { color: ink, family: style.fontFamily, size: 13 },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: quiet, activecolor: accent },
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",
     };
@@ -275,7 +288,8 @@
       [log ? values.filter((x) => x !== null && x <= 0).length : 0, "one of 0 or less, which a logarithmic axis has no place for"],
       [all.filter((row) => number(row, "edit_ms") === null).length, "no time of an edit"],
     ];
-    return said.filter(([count]) => count > 0).map(([count, what]) => `${count} of ${all.length} rows ${count === 1 ? "has" : "have"} ${what}.`);
+    const told = said.filter(([count]) => count > 0).map(([count, what]) => `${count} of ${all.length} rows ${count === 1 ? "has" : "have"} ${what}.`);
+    return group.failed > 0 ? [...told, `${group.failed} more failed and ${group.failed === 1 ? "has" : "have"} no figures.`] : told;
   }
 
   const plot = byId("plot");
@@ -305,7 +319,7 @@
   // On paper: dark on light, as wide as a page.
   window.addEventListener("beforeprint", () => {
     document.documentElement.classList.add("printing");
-    draw(690);
+    draw(1000);
   });
   window.addEventListener("afterprint", () => {
     document.documentElement.classList.remove("printing");

@@ -26,6 +26,8 @@ pub(super) struct Case {
     label: String,
     common: Vec<String>,
     lines: Vec<Line>,
+    /// Rows without figures, which are in no line.
+    failed: usize,
 }
 
 /// A line of the plots.
@@ -34,8 +36,8 @@ struct Line {
     label: String,
     /// Without a cage: level, whatever the cage size.
     direct: bool,
-    /// Of the line and its markers; lines without a cage are drawn in the page's ink.
-    colour: &'static str,
+    /// Of the line and its markers; none is the page's ink.
+    colour: Option<&'static str>,
     symbol: &'static str,
     dash: String,
     rows: Vec<usize>,
@@ -68,10 +70,19 @@ pub(super) fn cases(report: &SweepReport) -> Vec<Case> {
     }
     let case = |((model, scene), rows): ((&str, &str), Vec<usize>)| {
         let all = AllSeries::of(rows.iter().map(|&k| (k, &report.rows[k])));
-        let lines = all.sized.iter().map(|series| Line::of(series, false));
+        let method = |series: &Series| &report.rows[series.points[0].row].method;
+        let one_method = all.direct.iter().all(|series| method(series) == method(&all.direct[0]));
+        // Lines without a cage have the ink of the page; those of several methods the colours that these have on cages.
+        let colour_of = |direct: &Series| {
+            let same = all.sized.iter().find(|series| !one_method && method(series) == method(direct));
+            same.map(|series| pick(&COLOURS, series.rule))
+        };
+        let sized = all.sized.iter().map(|series| Line::of(series, false, Some(pick(&COLOURS, series.rule))));
+        let direct = all.direct.iter().map(|series| Line::of(series, true, colour_of(series)));
         Case {
             label: format!("{model}, scene {scene}"),
-            lines: lines.chain(all.direct.iter().map(|series| Line::of(series, true))).collect(),
+            failed: rows.iter().filter(|&&k| report.rows[k].failure.is_some()).count(),
+            lines: sized.chain(direct).collect(),
             // Model and scene are said already.
             common: all.common.into_iter().skip(2).collect(),
         }
@@ -80,15 +91,16 @@ pub(super) fn cases(report: &SweepReport) -> Vec<Case> {
 }
 
 impl Line {
-    fn of(series: &Series, direct: bool) -> Self {
+    fn of(series: &Series, direct: bool, colour: Option<&'static str>) -> Self {
         let dash = pick(if direct { &DIRECT_DASHES } else { &DASHES }, series.schedule);
         // Plotly wants units, and a name for none.
         let dash = if dash.is_empty() { "solid".to_owned() } else { format!("{}px", dash.replace(' ', "px,")) };
         Self {
             label: series.label.clone(),
             direct,
-            colour: pick(&COLOURS, series.rule),
-            symbol: if direct { "star" } else { pick(&SYMBOLS, series.rule) },
+            colour,
+            // Another one when colours begin again.
+            symbol: if direct { "star" } else { pick(&SYMBOLS, series.rule + series.rule / COLOURS.len()) },
             dash,
             rows: series.points.iter().map(|point| point.row).collect(),
         }
