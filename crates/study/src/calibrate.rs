@@ -7,36 +7,9 @@ use std::time::Instant;
 
 use glam::{DMat3, DVec3, Vec3Swizzles};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use crate::pipeline::median;
+use crate::report::Calibration;
 use crate::stages::milliseconds;
-
-/// What a fixed loop takes ([`calibrate`]), in milliseconds. Times of two machines, or of one that is busy with other things at times, are
-/// compared as multiples of it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct Calibration {
-    /// What it takes undisturbed: each kind of its parts as short as it ever was. They are of fractions of a millisecond, which other
-    /// programs rarely break off: on one thread this is the same to a few per cent on a quiet machine and on one with four times as much to
-    /// do as it has cores.
-    pub quiet_ms: f64,
-    /// What it took as a whole; the middle one of several runs.
-    pub taken_ms: f64,
-}
-
-impl Calibration {
-    /// Of one run or more, on one machine; none of none.
-    pub fn of(runs: &[Self]) -> Option<Self> {
-        let quiet_ms = runs.iter().map(|run| run.quiet_ms).min_by(f64::total_cmp)?;
-        Some(Self { quiet_ms, taken_ms: median(runs.iter().map(|run| run.taken_ms).collect()) })
-    }
-
-    /// How many times as long as undisturbed it took: 1 on a machine that does nothing else.
-    pub fn load(&self) -> f64 {
-        self.taken_ms / self.quiet_ms
-    }
-}
 
 /// Runs a fixed loop once, about 70 milliseconds on a core of 2020, on the threads of the current pool.
 ///

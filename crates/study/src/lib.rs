@@ -21,7 +21,7 @@ mod stages;
 mod sweep;
 mod timing;
 
-pub use calibrate::{Calibration, calibrate};
+pub use calibrate::calibrate;
 pub use compare::{ComparePlan, Compared, DEFAULT_METHODS, compare};
 pub use error::StudyError;
 pub use gate::{
@@ -34,9 +34,9 @@ pub use pictures::{coloured, draw_pose, usual_view};
 pub use pipeline::{Bound, Caged, Dragged, Study, count};
 pub use refined::CONVERGED_STEPS;
 pub use report::{
-    Comparison, Detail, Failure, FailureKind, FormatError, ImplicitRow, Knee, KneeSize, KneeTarget, Machine, ModelInfo,
-    NO_CAGE, PICTURE_WORST, Refusal, ReportError, ReportFormat, RowKey, RowTimes, SUMMARY_BYTES, Spread, SweepReport,
-    SweepRow,
+    Calibration, Comparison, Detail, Failure, FailureKind, FormatError, ImplicitRow, Knee, KneeSize, KneeTarget,
+    Machine, ModelInfo, NO_CAGE, PICTURE_WORST, Refusal, ReportError, ReportFormat, RowKey, RowTimes, SUMMARY_BYTES,
+    Spread, SweepReport, SweepRow,
 };
 pub use scene::{ResolvedHandle, ResolvedScene, Scene, SceneError};
 pub use settings::{CONVERGED, Iterations, Schedule, Setting, StartFrom, SweepSize, equal_time_vertices};

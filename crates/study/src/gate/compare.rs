@@ -46,9 +46,7 @@ pub fn compare_reports(baseline: &SweepReport, now: &SweepReport, tolerances: &T
     changes.sort_by(|a, b| a.kind.cmp(&b.kind).then_with(|| worst_first(a, b)));
     let verdicts = changes.iter().filter(|change| change.kind.is_regression());
     let verdict = verdicts.map(|change| change.failure.as_ref().map_or(Verdict::Regression, verdict_of)).max();
-    if verdict.is_none()
-        && changes.iter().any(|change| matches!(change.kind, ChangeKind::Better | ChangeKind::Recovered))
-    {
+    if verdict.is_none() && changes.iter().any(|change| is_to_keep(change)) {
         notes.push(
             "Something is better than the baseline says: write a new one, so that it stays so (--update).".to_owned(),
         );
@@ -61,6 +59,12 @@ pub fn compare_reports(baseline: &SweepReport, now: &SweepReport, tolerances: &T
         changes,
         notes,
     }
+}
+
+/// Whether something is better, and not just by chance.
+fn is_to_keep(change: &Change) -> bool {
+    let disturbed = change.unit.is_some_and(Unit::can_be_disturbed);
+    change.kind == ChangeKind::Recovered || change.kind == ChangeKind::Better && !disturbed
 }
 
 /// Of one kind: what became so many times as much first; of what is better, what became least.

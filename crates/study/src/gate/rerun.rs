@@ -7,9 +7,9 @@ use std::time::Duration;
 use pliant_mesh::{Bounds, Silent};
 
 use super::{Change, ChangeKind, GateError, GateReport, Tolerances, compare_reports};
-use crate::calibrate::{Calibration, calibrate};
+use crate::calibrate::calibrate;
 use crate::model::Model;
-use crate::report::{Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread, SweepReport, SweepRow};
+use crate::report::{Calibration, Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread, SweepReport, SweepRow};
 use crate::settings::{Iterations, Schedule, Setting, StartFrom};
 use crate::stages::Stages;
 use crate::sweep::{RowDone, SweepError, SweepJob, SweepJobs};

@@ -25,7 +25,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::Calibration;
+use crate::pipeline::median;
 
 pub use comparison::{Comparison, ImplicitRow};
 pub(crate) use formats::on_one_line;
@@ -83,6 +83,36 @@ pub struct Machine {
     /// How fast it was, beside the rows; `null` if that was not measured.
     #[serde(default)]
     pub calibration: Option<Calibration>,
+}
+
+/// What a fixed loop takes ([`calibrate`](crate::calibrate())), in milliseconds. Times of two machines, or of one that is busy with other things at times, are
+/// compared as multiples of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Calibration {
+    /// What it takes undisturbed: each kind of its parts as short as it ever was. They are of fractions of a millisecond, which other
+    /// programs rarely break off: on one thread this is the same to a few per cent on a quiet machine and on one with four times as much to
+    /// do as it has cores.
+    #[serde(with = "row::null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
+    pub quiet_ms: f64,
+    /// What it took as a whole; the middle one of several runs.
+    #[serde(with = "row::null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
+    pub taken_ms: f64,
+}
+
+impl Calibration {
+    /// Of one run or more, on one machine; none of none.
+    pub fn of(runs: &[Self]) -> Option<Self> {
+        let quiet_ms = runs.iter().map(|run| run.quiet_ms).min_by(f64::total_cmp)?;
+        Some(Self { quiet_ms, taken_ms: median(runs.iter().map(|run| run.taken_ms).collect()) })
+    }
+
+    /// How many times as long as undisturbed it took: 1 on a machine that does nothing else.
+    pub fn load(&self) -> f64 {
+        self.taken_ms / self.quiet_ms
+    }
 }
 
 /// A model of a plan that no row could be planned for.

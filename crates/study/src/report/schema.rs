@@ -7,7 +7,6 @@ use serde_json::{Map, Value, json};
 use super::columns::COLUMNS;
 use super::tests::{hostile, sweep};
 use super::*;
-use crate::calibrate::Calibration;
 
 /// What the fields' documentation becomes: no links, which only rustdoc follows.
 fn without_links(text: &str) -> String {
@@ -113,11 +112,8 @@ fn the_schema_in_the_repository_is_that_of_the_types() {
 /// A report with a value in every field.
 fn full() -> SweepReport {
     let mut report = hostile();
-    report.machine = Some(Machine {
-        cpu: Some("cpu".to_owned()),
-        threads: 2,
-        calibration: Some(Calibration { quiet_ms: 1.5, taken_ms: 2.0 }),
-    });
+    let calibration = Some(Calibration { quiet_ms: 1.5, taken_ms: 2.5 });
+    report.machine = Some(Machine { cpu: Some("cpu".to_owned()), threads: 2, calibration });
     report.refused.push(Refusal { model: "m".to_owned(), reason: "no".to_owned() });
     report.pictures.insert("0".repeat(32), "aGk=".to_owned());
     let time = Spread::of(&[1.0, 2.0]);
@@ -168,8 +164,17 @@ fn the_schema_refuses_what_the_reader_refuses() {
         *(if readable { &mut taken } else { &mut refused }) += 1;
     };
     let last = format!("/rows/{}/failure", report["rows"].as_array().map_or(0, Vec::len) - 1);
-    for place in ["", "/machine", "/models/0", "/refused/0", "/rows/0", "/rows/0/times", "/rows/0/times/bind_ms", &last]
-    {
+    for place in [
+        "",
+        "/machine",
+        "/machine/calibration",
+        "/models/0",
+        "/refused/0",
+        "/rows/0",
+        "/rows/0/times",
+        "/rows/0/times/bind_ms",
+        &last,
+    ] {
         let fields: &Map<String, Value> = report.pointer(place).and_then(Value::as_object).expect("an object");
         for field in fields.keys() {
             let mut changed = report.clone();
