@@ -3,9 +3,8 @@ use std::collections::{BTreeMap, HashMap};
 use roxmltree::{Document, Node};
 use serde_json::Value;
 
-use super::super::{Failure, FailureKind, Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread};
+use super::super::{Calibration, Failure, FailureKind, Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread};
 use super::*;
-use crate::calibrate::Calibration;
 
 /// What HTML, scripts, XML, templates and Plotly would read as their own.
 const HOSTILE: &str =
