@@ -233,11 +233,11 @@ impl Editor {
         self.current.frame(self.rest.topology(), near)
     }
 
-    /// Solves for the goals from the pose shown, again and again until the time is up or the cage stands still (once at least), and shows
-    /// the result. Methods with a cheaper preview (the implicit one) show that, and all of their result on release.
+    /// Solves for the goals from the pose shown, again and again until the time is up or the cage stands still (once at least, if anything has
+    /// left the place where the step began), and shows the result. Methods with a cheaper preview (the implicit one) show that, and all of their result on release.
     ///
     /// # Errors
-    /// As [`Method::prepare`] and a solve of it; then what is shown stays.
+    /// As [`pliant_deform::Method::prepare`] and a solve of it, and [`SessionError::OutsideRegion`]; then what is shown stays.
     pub fn update(&mut self, budget: Duration) -> Result<Update, SessionError> {
         let begun = Instant::now();
         let mut prepared = self.prepare()?;
@@ -252,7 +252,11 @@ impl Editor {
         begun: Instant,
         budget: Duration,
     ) -> Result<Update, SessionError> {
-        prepared.aim(&self.handles, &self.base)?;
+        if !self.is_under_way() {
+            let (changed, elapsed) = (0..0, begun.elapsed());
+            return Ok(Update { changed, solves: 0, still: true, snapped: 0.0, missed: 0.0, elapsed });
+        }
+        prepared.aim(&self.handles)?;
         prepared.pose.copy_from_slice(&self.current.cage);
         let mut solves = 0;
         let still = loop {
@@ -307,7 +311,7 @@ impl Editor {
     /// stands still.
     fn solve_from_base(&self, prepared: &mut Prepared) -> Result<(u32, bool), SessionError> {
         prepared.rows.begin(&self.base.cage);
-        prepared.aim(&self.handles, &self.base)?;
+        prepared.aim(&self.handles)?;
         prepared.pose.copy_from_slice(&self.base.cage);
         let (mut solves, mut still) = (0, false);
         while !still && solves <= self.options.release_solves {

@@ -7,7 +7,7 @@ use pliant_mesh::TriMesh;
 use super::carrier::Carrier;
 use super::held::{Held, named, on_cage};
 use super::rows::Rows;
-use super::{Editor, EditorHandle, Pose};
+use super::{Editor, EditorHandle};
 use crate::snap::inner_shares;
 use crate::{CoarseStart, SessionError};
 
@@ -81,8 +81,8 @@ impl Prepared {
     ///
     /// # Errors
     /// As [`super::aims::Aims::check`]; then nothing is taken over.
-    pub(crate) fn aim(&mut self, handles: &[EditorHandle], base: &Pose) -> Result<(), SessionError> {
-        self.carrier.aims().check(handles, base)?;
+    pub(crate) fn aim(&mut self, handles: &[EditorHandle]) -> Result<(), SessionError> {
+        self.carrier.aims().check(handles)?;
         self.goals.transforms.clear();
         self.goals.transforms.extend(self.known.iter().map(|&(at, _)| handles[at].goal));
         self.rows.aim(handles);
