@@ -18,7 +18,8 @@ fn an_update_allocates_nothing_from_the_second_time_on() {
         editor.set_region(region.clone()).expect("valid");
         editor.anchor(Grip::Vertices(part(|x| x < -2.8))).expect("valid");
         // Two points in one face, too.
-        let face = shape.triangles().iter().position(|t| t.iter().all(|&v| shape.positions[v as usize].x > 1.0));
+        let middle = |v: &u32| (1.0..2.0).contains(&shape.positions[*v as usize].x);
+        let face = shape.triangles().iter().position(|t| t.iter().all(middle));
         let face = face.expect("there is one") as u32;
         for barycentric in [[0.5, 0.25, 0.25], [0.25, 0.25, 0.5]] {
             editor.anchor(Grip::Point(SurfacePoint { face, barycentric })).expect("valid");

@@ -140,11 +140,13 @@ fn stand_ins(editor: &Editor, handle: &EditorHandle) -> Vec<u32> {
 /// The region and the goals that a refinement of the shape works with. The `corners` of points within faces stay where they were set.
 pub(crate) fn on_shape(editor: &Editor, corners: &[u32]) -> Result<(Region, Goals), SessionError> {
     let n = editor.rest.vertex_count();
-    let corners: VertexSet = corners.iter().copied().collect();
-    let roi = VertexSet::where_true(n, |v| editor.may_move(v)).difference(&corners);
+    let mut inside: Vec<bool> = (0..n as u32).map(|v| editor.may_move(v)).collect();
+    corners.iter().for_each(|&v| inside[v as usize] = false);
+    let roi = VertexSet::where_true(n, |v| inside[v as usize]);
     let (mut handles, mut goals) = (Vec::new(), Vec::new());
     for handle in &editor.handles {
-        let vertices = handle.grip.vertices().map(|set| set.intersection(&roi)).unwrap_or_default();
+        let vertices = handle.grip.vertices().into_iter().flat_map(VertexSet::iter);
+        let vertices: VertexSet = vertices.filter(|v| inside[*v as usize]).collect();
         if !vertices.is_empty() {
             handles.push(Handle { vertices, rows: PointRows::new(), constraint: handle.constraint });
             goals.push(handle.goal);
