@@ -47,12 +47,15 @@ impl PointRows {
                 end += 1;
             }
         }
-        self.entries.truncate(end);
-        let mut at = 0;
-        self.entries.retain(|&(_, weight)| {
-            at += 1;
-            at <= start || weight != 0.0
-        });
+        // Of this row alone: a pass over all rows for each would take time in their square.
+        let (mut kept, row) = (start, start..end);
+        for at in row {
+            if self.entries[at].1 != 0.0 {
+                self.entries[kept] = self.entries[at];
+                kept += 1;
+            }
+        }
+        self.entries.truncate(kept);
         self.ends.push(self.entries.len() as u32);
     }
 

@@ -16,10 +16,10 @@ use crate::snap::{Fade, Place};
 /// Corners of a point that may move with less weight than this in all cannot bring it to its goal.
 pub(crate) const LEAST_WEIGHT: f64 = 1e-3;
 
-/// Rounds in which points that share corners are brought to their goals, and the share of the shape's diagonal within which they are there.
-const ROUNDS: u32 = 200;
+/// Steps in which points that share corners are brought to their goals, and the share of the shape's diagonal within which they are there.
+const STEPS: u32 = 200;
 
-/// See [`ROUNDS`].
+/// See [`STEPS`].
 const THERE: f64 = 1e-13;
 
 /// What hard handles set on the shape: each vertex once, those of vertex handles first, then corners of points.
@@ -54,17 +54,16 @@ struct Point {
 }
 
 impl Point {
-    /// The corners that it moves, with what follows them.
-    fn reach(&self, fade: &Fade) -> Range<usize> {
-        let mut reach = 0..0;
-        for place in (0..3).filter(|&k| self.moves[k]).filter_map(|k| self.set[k]) {
-            widen(&mut reach, &fade.reach[place]);
-        }
-        reach
+    /// The corners that it moves, as places among the vertices that are set, and their weights.
+    fn moved(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        (0..3).filter(|&k| self.moves[k]).filter_map(|k| Some((self.set[k]?, self.of.weights[k])))
     }
 
-    fn moved_weights(&self) -> [f64; 3] {
-        [0, 1, 2].map(|k| if self.moves[k] { self.of.weights[k] } else { 0.0 })
+    /// What it moves, with what follows that.
+    fn reach(&self, fade: &Fade) -> Range<usize> {
+        let mut reach = 0..0;
+        self.moved().for_each(|(place, _)| widen(&mut reach, &fade.reach[place]));
+        reach
     }
 
     /// From where it is to its goal, with corner `k` at `at(k)`.
@@ -98,7 +97,7 @@ impl Aims {
             let of = point.on(editor.rest.triangles());
             let moves = of.vertices.map(|v| inside(v) && places.get(&v).is_none_or(|place| *place >= aims.held.len()));
             let mut point = Point { handle: at, of, set: [None; 3], moves, goal: of.place(base) };
-            if point.moved_weights().iter().sum::<f64>() < LEAST_WEIGHT {
+            if (0..3).filter(|&k| moves[k]).map(|k| of.weights[k]).sum::<f64>() < LEAST_WEIGHT {
                 aims.stuck.push((at, of.vertices[0]));
                 continue;
             }
@@ -179,8 +178,11 @@ impl Aims {
         for (_, reach) in self.vertices.iter().zip(&fade.reach).filter(|(v, _)| inside(v)) {
             widen(&mut changed, reach);
         }
-        for point in self.points.iter().filter(|point| point.of.vertices.iter().any(inside)) {
-            widen(&mut changed, &if self.shared { self.reach_of_points(fade) } else { point.reach(fade) });
+        let mut touched = self.points.iter().filter(|point| point.of.vertices.iter().any(inside));
+        if self.shared {
+            widen(&mut changed, &touched.next().map_or(0..0, |_| self.reach_of_points(fade)));
+        } else {
+            touched.for_each(|point| widen(&mut changed, &point.reach(fade)));
         }
         changed
     }
@@ -191,11 +193,12 @@ impl Aims {
         reach
     }
 
-    /// Writes to `targets` where each vertex goes of a shape as the cage has it; returns by how much a point misses its goal at most.
+    /// Finds where each vertex goes of a shape as the cage has it; returns by how much a point misses its goal at most.
     ///
     /// The corners of a point that no vertex handle has move alike, by what the point misses its goal by over their weight. Where points
-    /// share corners, each of them in turn moves its own by as little as brings it there (Kaczmarz's method), until all are there.
-    pub(crate) fn targets<P: Place>(&self, shape: &[P], targets: &mut Vec<DVec3>) -> f64 {
+    /// share corners, those then move by as little as brings all points to their goals.
+    pub(crate) fn place<P: Place>(&self, shape: &[P], places: &mut Places) -> f64 {
+        let targets = &mut places.targets;
         targets.clear();
         targets.extend_from_slice(&self.held);
         targets.extend(self.corners().iter().map(|&v| shape[v as usize].double()));
@@ -206,31 +209,51 @@ impl Aims {
             })
         };
         for point in &self.points {
-            let weight: f64 = point.moved_weights().iter().sum();
-            let step = miss(point, targets) / weight;
-            for place in (0..3).filter(|&k| point.moves[k]).filter_map(|k| point.set[k]) {
-                targets[place] += step;
-            }
+            let step = miss(point, targets) / point.moved().map(|(_, weight)| weight).sum::<f64>();
+            point.moved().for_each(|(place, _)| targets[place] += step);
         }
-        let missed = |targets: &[DVec3]| self.points.iter().map(|p| miss(p, targets).length()).fold(0.0, f64::max);
-        let mut most = missed(targets);
-        for _ in 0..ROUNDS {
-            if !self.shared || most <= THERE * self.diagonal {
+        if self.shared {
+            self.meet_together(places, miss);
+        }
+        self.points.iter().map(|point| miss(point, &places.targets).length()).fold(0.0, f64::max)
+    }
+
+    /// The least change of the corners that brings all points to their goals: conjugate gradients for `A A^T`, the rows of `A` being the
+    /// weights of the points' corners (Craig 1955).
+    fn meet_together(&self, places: &mut Places, miss: impl Fn(&Point, &[DVec3]) -> DVec3) {
+        let Places { targets, missed, direction, .. } = places;
+        missed.clear();
+        missed.extend(self.points.iter().map(|point| miss(point, targets)));
+        direction.clear();
+        direction.resize(targets.len(), DVec3::ZERO);
+        let square = |vectors: &[DVec3]| vectors.iter().map(|v| v.length_squared()).sum::<f64>();
+        let (mut before, mut now) = (f64::INFINITY, square(missed));
+        for _ in 0..STEPS {
+            if missed.iter().all(|m| m.length() <= THERE * self.diagonal) {
                 break;
             }
-            for point in &self.points {
-                let weights = point.moved_weights();
-                let step = miss(point, targets) / weights.iter().map(|w| w * w).sum::<f64>();
-                for k in (0..3).filter(|&k| point.moves[k]) {
-                    if let Some(place) = point.set[k] {
-                        targets[place] += weights[k] * step;
-                    }
-                }
+            let share = now / before;
+            direction.iter_mut().for_each(|d| *d *= share);
+            for (point, missed) in self.points.iter().zip(&*missed) {
+                point.moved().for_each(|(place, weight)| direction[place] += weight * *missed);
             }
-            most = missed(targets);
+            let length = now / square(direction);
+            targets.iter_mut().zip(&*direction).for_each(|(target, d)| *target += length * *d);
+            for (point, missed) in self.points.iter().zip(&mut *missed) {
+                point.moved().for_each(|(place, weight)| *missed -= length * weight * direction[place]);
+            }
+            (before, now) = (now, square(missed));
         }
-        most
     }
+}
+
+/// Where the vertices that are set go, with memory that is kept.
+#[derive(Default)]
+pub(crate) struct Places {
+    pub(crate) targets: Vec<DVec3>,
+    pub(crate) moved: Vec<DVec3>,
+    missed: Vec<DVec3>,
+    direction: Vec<DVec3>,
 }
 
 /// Whether two positions have other bits.

@@ -8,7 +8,7 @@ use pliant_cage::{Binding, Propagator};
 use pliant_mesh::ranges::widen;
 use pliant_mesh::{VertexSet, select};
 
-use super::aims::{Aims, differs};
+use super::aims::{Aims, Places, differs};
 use super::part::{Carried, Part};
 use super::shown::Shown;
 use super::{Editor, EditorHandle, Pose};
@@ -72,8 +72,7 @@ pub(crate) struct Posed<'a> {
 #[derive(Default)]
 struct Scratch {
     propagator: Propagator,
-    targets: Vec<DVec3>,
-    moved: Vec<DVec3>,
+    places: Places,
 }
 
 impl Carrier {
@@ -172,8 +171,9 @@ impl Carrier {
                 }
             }
         }
-        let missed = self.aims.targets(shape, &mut scratch.targets);
-        let by = self.fade.apply(&scratch.targets, &mut scratch.moved, shape);
+        let missed = self.aims.place(shape, &mut scratch.places);
+        let Places { targets, moved, .. } = &mut scratch.places;
+        let by = self.fade.apply(targets, moved, shape);
         self.scratch.set(scratch);
         Snapped { by, missed }
     }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use pliant_deform::{Constraint, DeformError, Goals, Handle, Method, PointRows, Region, Role};
 use pliant_mesh::VertexSet;
 
-use super::rows::{Corners, RowPoint};
+use super::rows::{Corners, RowMaker, RowPoint};
 use super::{Editor, EditorHandle, Grip};
 use crate::SessionError;
 
@@ -41,13 +41,14 @@ pub(crate) fn on_cage(editor: &Editor) -> Result<Held, SessionError> {
     let free = VertexSet::where_true(n, |j| editor.may_move(origin[j as usize]));
     let mut led = led(editor, &free);
     let takes_rows = matches!(editor.options.method, Method::Arap(_));
+    let mut maker = RowMaker::new(&editor.bound.binding);
     let mut taken: HashSet<u32> = led.iter().flatten().copied().collect();
     let (mut known, mut handles, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     for (at, handle) in editor.handles.iter().enumerate() {
         let mut own = PointRows::new();
         if led[at].is_empty() && takes_rows {
             for of in points(editor, handle) {
-                let point = RowPoint::new(at, of, &editor.bound.binding);
+                let point = maker.make(at, of);
                 // A point that follows nothing that may move is only set on the shape.
                 if point.row.iter().any(|(j, _)| free.contains(*j)) {
                     own.push(point.row.iter().copied());
@@ -164,9 +165,12 @@ fn constrained(
     roi: &VertexSet,
     held: Vec<(&EditorHandle, VertexSet)>,
 ) -> Result<(Region, Goals), DeformError> {
+    // Looked up by vertex: thousands of handles are not to walk the region each.
+    let mut inside = vec![false; editor.rest.vertex_count()];
+    roi.iter().for_each(|v| inside[v as usize] = true);
     let (mut handles, mut goals) = (Vec::new(), Vec::new());
     for (handle, vertices) in held {
-        let vertices = vertices.intersection(roi);
+        let vertices: VertexSet = vertices.iter().filter(|v| inside[*v as usize]).collect();
         if !vertices.is_empty() {
             handles.push(Handle { vertices, rows: PointRows::new(), constraint: handle.constraint });
             goals.push(handle.goal);

@@ -238,11 +238,11 @@ impl Editor {
         self.current.frame(self.rest.topology(), near)
     }
 
-    /// Solves for the goals from the pose shown, again and again until the time is up or the cage stands still (once at least), and shows
-    /// the result. Methods with a cheaper preview (the implicit one) show that, and all of their result on release.
+    /// Solves for the goals from the pose shown, again and again until the time is up or the cage stands still (once at least, if anything has
+    /// left the place where the step began), and shows the result. Methods with a cheaper preview (the implicit one) show that, and all of their result on release.
     ///
     /// # Errors
-    /// As [`Method::prepare`] and a solve of it; then what is shown stays.
+    /// As [`pliant_deform::Method::prepare`] and a solve of it, and [`SessionError::OutsideRegion`]; then what is shown stays.
     pub fn update(&mut self, budget: Duration) -> Result<Update, SessionError> {
         let begun = Instant::now();
         let mut prepared = self.prepare()?;
@@ -257,6 +257,10 @@ impl Editor {
         begun: Instant,
         budget: Duration,
     ) -> Result<Update, SessionError> {
+        if !self.is_under_way() {
+            let (changed, elapsed) = (0..0, begun.elapsed());
+            return Ok(Update { changed, solves: 0, still: true, snapped: 0.0, missed: 0.0, elapsed });
+        }
         prepared.aim(&self.handles)?;
         prepared.pose.copy_from_slice(&self.current.cage);
         let mut solves = 0;

@@ -1,7 +1,5 @@
 //! Points of the shape that the cage is held by.
 
-use std::collections::BTreeMap;
-
 use glam::DVec3;
 use pliant_cage::{Binding, Propagator};
 use pliant_mesh::VertexSet;
@@ -41,25 +39,45 @@ pub(crate) struct RowPoint {
     offset: DVec3,
 }
 
-impl RowPoint {
+/// Makes rows, in memory kept from one to the next.
+pub(crate) struct RowMaker<'a> {
+    binding: &'a Binding,
+    /// For each cage vertex its weight in the row being made, if it is listed.
+    weights: Vec<f64>,
+    listed: Vec<u32>,
+}
+
+impl<'a> RowMaker<'a> {
+    pub(crate) fn new(binding: &'a Binding) -> Self {
+        Self { binding, weights: vec![0.0; binding.cage_vertex_count()], listed: Vec::new() }
+    }
+
     /// A point that follows the cage as its corners do, each averaged on the cage as propagation by frames does.
-    pub(crate) fn new(handle: usize, of: Corners, binding: &Binding) -> Self {
-        let mut sums = BTreeMap::new();
+    pub(crate) fn make(&mut self, handle: usize, of: Corners) -> RowPoint {
         for (&v, &share) in of.vertices.iter().zip(&of.weights).filter(|(_, share)| **share != 0.0) {
-            let (indices, weights) = binding.row(v as usize);
+            let (indices, weights) = self.binding.row(v as usize);
             for (&j, &weight) in indices.iter().zip(weights) {
-                let (averaged, shares) = binding.smoothing_row(j);
+                let (averaged, shares) = self.binding.smoothing_row(j);
                 for (k, part) in averaged.into_iter().zip(shares) {
-                    *sums.entry(k).or_insert(0.0) += share * f64::from(weight) * f64::from(part);
+                    let sum = &mut self.weights[k as usize];
+                    if *sum == 0.0 {
+                        self.listed.push(k);
+                    }
+                    *sum += share * f64::from(weight) * f64::from(part);
                 }
             }
         }
+        // Weights that cancel are listed again.
+        self.listed.sort_unstable();
+        self.listed.dedup();
         // Rows are kept in single precision and sum to 1 up to its rounding.
-        let sum: f64 = sums.values().sum();
-        let row = sums.into_iter().map(|(k, weight)| (k, weight / sum)).collect();
-        Self { handle, of, row, goal: DVec3::ZERO, offset: DVec3::ZERO }
+        let sum: f64 = self.listed.iter().map(|&k| self.weights[k as usize]).sum();
+        let row = self.listed.drain(..).map(|k| (k, std::mem::take(&mut self.weights[k as usize]) / sum)).collect();
+        RowPoint { handle, of, row, goal: DVec3::ZERO, offset: DVec3::ZERO }
     }
+}
 
+impl RowPoint {
     fn on_cage(&self, cage: &[DVec3]) -> DVec3 {
         self.row.iter().map(|&(j, weight)| weight * cage[j as usize]).sum()
     }

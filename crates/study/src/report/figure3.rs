@@ -13,8 +13,11 @@ use crate::PAPER_SCENE;
 use crate::paper::TABLE_1;
 
 /// Sizes in pixels.
-const WIDTH: f64 = 860.0;
+const WIDTH: f64 = 1080.0;
 const HEIGHT: f64 = 460.0;
+
+/// The axis of ratios is logarithmic where the largest is this many times the smallest.
+const WIDE: f64 = 6.0;
 
 /// Colours of the paper's two models: the larger black, the smaller grey.
 const PUBLISHED: [(usize, &str); 2] = [(43_244, "#000000"), (21_622, "#999999")];
@@ -55,10 +58,13 @@ impl SweepReport {
             .with_title(plain(&self.subject()))
             .with_x_label("cage vertices (% of the shape's)")
             .with_y_label("RMS error over that without a cage")
-            .with_y_axis_min(0.0)
             .with_x_axis_min(0.0)
-            .with_legend_position(LegendPosition::OutsideBottomCenter);
-        render_to_svg(plots, layout)
+            .with_legend_position(LegendPosition::OutsideRightTop);
+        let ratios = || ours.iter().flat_map(|line| &line.points).map(|point| point.1);
+        let (least, most) = (ratios().fold(f64::INFINITY, f64::min), ratios().fold(0.0, f64::max));
+        // One way that is far worse would flatten all others.
+        let far_apart = least > 0.0 && most > WIDE * least;
+        render_to_svg(plots, if far_apart { layout.with_log_y() } else { layout.with_y_axis_min(0.0) })
     }
 
     /// The lines of the rows with a cage, in the order of the rows.
