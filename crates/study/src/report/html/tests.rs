@@ -87,7 +87,7 @@ fn hostile() -> SweepReport {
     report.refused[0] = Refusal { model: HOSTILE.to_owned(), reason: HOSTILE.to_owned() };
     report.machine = Some(Machine { cpu: Some(HOSTILE.to_owned()), ..Machine::default() });
     for row in &mut report.rows {
-        [&mut row.model, &mut row.scene, &mut row.method, &mut row.prune, &mut row.start].map(nasty);
+        [&mut row.model, &mut row.scene, &mut row.method, &mut row.prune, &mut row.start].into_iter().for_each(nasty);
         row.warnings.push(HOSTILE.to_owned());
         if let Some(failure) = &mut row.failure {
             failure.reason = HOSTILE.to_owned();
