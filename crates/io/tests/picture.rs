@@ -8,7 +8,7 @@ use pliant_io::picture::{
     Picture, PictureOptions, SheetCell, SheetRow, Values, View, colour_map, contact_sheet, render, render_values,
     strip, trim_alike, write_png,
 };
-use pliant_mesh::{Bounds, TriMesh};
+use pliant_mesh::TriMesh;
 
 const FRONT: View = View { from: DVec3::Z, up: DVec3::Y };
 
