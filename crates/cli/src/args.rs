@@ -1,5 +1,6 @@
 //! What can be typed.
 
+mod check;
 mod sweep;
 
 use std::path::PathBuf;
@@ -7,6 +8,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use pliant::{BindOptions, Iterations, Method, Propagation, StartFrom, SweepSize};
 
+pub(crate) use check::CheckOptions;
 pub(crate) use sweep::{
     DEFAULT_FORMATS, MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart,
 };
@@ -22,7 +24,7 @@ Start with `pliant demo`, then try an edit of your own:
 /// A quadric-error simplifier makes a control mesh (cage) of the shape, mean value coordinates bind the shape to it, a
 /// solver moves the cage, and the shape follows.
 #[derive(Debug, Parser)]
-#[command(name = "pliant", version, after_help = LEARN_MORE)]
+#[command(name = "pliant", version, after_help = format!("{LEARN_MORE}\n\n{}", crate::exit::TABLE))]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -35,6 +37,7 @@ pub(crate) enum Command {
     Cage(CageOptions),
     Edit(EditOptions),
     Sweep(Box<SweepCommand>),
+    Check(Box<CheckOptions>),
     Compare(CompareOptions),
     Bench(BenchOptions),
 }

@@ -1,4 +1,4 @@
-use anyhow::{Result, bail};
+use anyhow::Result;
 use pliant::{
     Model, SimplifyReport, SurfaceDistance, SweepSize, can_write_mesh, count, simplify, surface_distance, timed, write,
 };
@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::args::CageOptions;
 use crate::console::{Console, StageTime, print_json};
+use crate::exit::Misuse;
 use crate::model::check_outputs;
 
 /// What `pliant cage --json` prints.
@@ -29,9 +30,10 @@ struct CageResult {
 
 pub(crate) fn run(options: &CageOptions) -> Result<()> {
     let SweepSize::Cage(size) = options.size else {
-        bail!(
-            "--size none: a cage has some size; use a number of vertices (2000), a share (5%) or a distance (error:0.002)"
-        );
+        return Err(Misuse(
+            "--size none: a cage has some size; use a number of vertices (2000), a share (5%) or a distance (error:0.002)".to_owned(),
+        )
+        .into());
     };
     can_write_mesh(&options.output)?;
     let console = Console::new(options.json);

@@ -110,7 +110,7 @@ fn replay(options: &EditOptions, path: &Path, model: &Model, console: &Console) 
     let done = document.steps.len().saturating_sub(document.undone);
     let work = |progress: &dyn pliant::Progress| Editor::replay(&document, model.mesh.clone(), progress);
     let (editor, _) = timed(console, "replay", work, |_| format!("{} steps, {} undone", done, document.undone))
-        .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))?;
+        .with_context(|| path.display().to_string())?;
     write_all(options, &model.mesh.with_positions(editor.positions().to_vec())?, console)?;
     let errors = edge_errors(model.mesh.topology(), &model.mesh.positions, editor.positions());
     if options.json {

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use pliant::Model;
+
+use crate::exit::Misuse;
 
 /// Refuses to write over the model's own file or the scene's, by whatever name.
 pub(crate) fn check_outputs<'a>(
@@ -15,7 +17,8 @@ pub(crate) fn check_outputs<'a>(
     for output in outputs {
         for (input, what) in inputs {
             if input.is_some_and(|input| is_same_file(input, output)) {
-                bail!("{}: this is {what} itself; write to another file", output.display());
+                let message = format!("{}: this is {what} itself; write to another file", output.display());
+                return Err(Misuse(message).into());
             }
         }
     }

@@ -11,19 +11,20 @@ use pliant::{
 
 use crate::args::{MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart};
 use crate::console::{Console, duration, print_json};
+use crate::exit::{Ending, Misuse};
 use crate::model::is_same_file;
 
-pub(crate) fn run(command: &SweepCommand) -> Result<()> {
+pub(crate) fn run(command: &SweepCommand) -> Result<Ending> {
     match &command.part {
         None => whole(command),
-        Some(SweepPart::Plan(options)) => plan(options),
+        Some(SweepPart::Plan(options)) => plan(options).map(|()| Ending::Done),
         Some(SweepPart::Run(options)) => run_part(options),
         Some(SweepPart::Merge(options)) => merge_parts(options),
     }
 }
 
 /// All at once.
-fn whole(command: &SweepCommand) -> Result<()> {
+fn whole(command: &SweepCommand) -> Result<Ending> {
     let spec = spec(&command.spec)?;
     let jobs = spec.jobs()?;
     check_outputs(&command.output, Some(&spec))?;
@@ -59,7 +60,7 @@ fn plan(options: &PlanOptions) -> Result<()> {
     Ok(())
 }
 
-fn run_part(options: &RunOptions) -> Result<()> {
+fn run_part(options: &RunOptions) -> Result<Ending> {
     let jobs = spec(&options.spec)?.jobs()?;
     let chosen = chosen(options, &jobs)?;
     let folder = JobFolder::create(&options.dir, &JobList::of(&jobs))?;
@@ -68,10 +69,12 @@ fn run_part(options: &RunOptions) -> Result<()> {
     let mut teller = Teller::new(&console);
     let results = jobs.run(&chosen, Some(&folder), &console as &dyn Stages, &mut |row| teller.tell(row))?;
     if options.json {
-        return print_json(&results.iter().map(|result| &result.row).collect::<Vec<_>>());
+        print_json(&results.iter().map(|result| &result.row).collect::<Vec<_>>())?;
+    } else {
+        console.say(&format!("{} of {} jobs are in {}", results.len(), jobs.jobs.len(), options.dir.display()))?;
     }
-    console.say(&format!("{} of {} jobs are in {}", results.len(), jobs.jobs.len(), options.dir.display()))?;
-    Ok(())
+    // A part may well have nothing to do.
+    Ok(if results.is_empty() { Ending::Done } else { Ending::of_rows(results.iter().map(|result| &result.row)) })
 }
 
 /// Numbers of the jobs that are asked for.
@@ -112,7 +115,7 @@ fn array(variable: &'static str) -> Result<usize, SweepError> {
     std::env::var(variable).ok().and_then(|text| text.parse().ok()).ok_or(SweepError::NoArray { variable })
 }
 
-fn merge_parts(options: &MergeOptions) -> Result<()> {
+fn merge_parts(options: &MergeOptions) -> Result<Ending> {
     check_outputs(&options.output, None)?;
     let report = merge_jobs(&options.dirs, options.partial)?;
     publish(report, &options.output, &Console::quiet(options.output.json))
@@ -157,14 +160,16 @@ fn check_inputs(spec: &SweepSpec, output: &Path) -> Result<()> {
     let cases = spec.cases.iter().flat_map(|case| std::iter::once(&case.model).chain(&case.scenes));
     for input in spec.models.iter().chain(&spec.scenes).chain(cases) {
         if is_same_file(Path::new(input), output) {
-            anyhow::bail!("{}: this is a model or a scene of the sweep; write to another file", output.display());
+            let message =
+                format!("{}: this is a model or a scene of the sweep; write to another file", output.display());
+            return Err(Misuse(message).into());
         }
     }
     Ok(())
 }
 
 /// Tells each row as it is done, and how long the others will take.
-struct Teller<'a> {
+pub(crate) struct Teller<'a> {
     console: &'a Console,
     begun: Instant,
     /// Rows made in this run, and found from an earlier one.
@@ -173,11 +178,11 @@ struct Teller<'a> {
 }
 
 impl<'a> Teller<'a> {
-    fn new(console: &'a Console) -> Self {
+    pub(crate) fn new(console: &'a Console) -> Self {
         Self { console, begun: Instant::now(), made: 0, found: 0 }
     }
 
-    fn tell(&mut self, done: RowDone<'_>) {
+    pub(crate) fn tell(&mut self, done: RowDone<'_>) {
         let row = done.row;
         if done.found {
             self.found += 1;
@@ -202,7 +207,7 @@ fn milliseconds(ms: f64) -> String {
 }
 
 /// Writes the files that were asked for, and prints.
-fn publish(mut report: SweepReport, output: &OutputOptions, console: &Console) -> Result<()> {
+fn publish(mut report: SweepReport, output: &OutputOptions, console: &Console) -> Result<Ending> {
     report.knees = output.knee.iter().flat_map(|&target| report.find_knees(target)).collect();
     let written = match &output.output {
         Some(prefix) => write_reports(prefix, &output.formats, &report)?,
@@ -211,14 +216,14 @@ fn publish(mut report: SweepReport, output: &OutputOptions, console: &Console) -
     if output.json {
         use std::io::Write;
         writeln!(std::io::stdout().lock(), "{}", report.to_json())?;
-        return Ok(());
+        return Ok(Ending::of_rows(report.rows.iter()));
     }
     console.say("")?;
     console.say(&report.to_markdown(Detail::Main))?;
     for path in written {
         console.say(&format!("wrote {}", path.display()))?;
     }
-    Ok(())
+    Ok(Ending::of_rows(report.rows.iter()))
 }
 
 /// Refuses what cannot be written, before anything is computed.

@@ -5,7 +5,10 @@ use std::time::Instant;
 use glam::DVec3;
 use pliant_cage::{Propagation, Propagator};
 use pliant_mesh::TriMesh;
-use pliant_mesh::metrics::{edge_errors, flipped_faces, largest_free_stretch, rms_distance, volume_change};
+use pliant_mesh::metrics::{
+    HausdorffOptions, IntersectionOptions, area_change, edge_errors, flipped_faces, hausdorff, largest_free_stretch,
+    rms_distance, self_intersections, surface_distance, volume_change,
+};
 
 use crate::SweepRow;
 use crate::pipeline::{Bound, Caged, Dragged, Study, count, median};
@@ -102,7 +105,15 @@ impl Study<'_> {
         let missed = labels.iter().enumerate().filter(|(_, label)| **label > 0).map(|(v, &label)| {
             goals.get(label as usize - 1).map_or(0.0, |goal| pose[v].distance(goal.apply(rest.positions[v])))
         });
+        let crossings = self_intersections(topology, pose, &IntersectionOptions::default());
+        let mut warnings = row.warnings;
+        if !crossings.complete {
+            warnings.push("faces pass through each other in so many places that they were not all counted".to_owned());
+        }
         SweepRow {
+            warnings,
+            intersecting_faces: Some(crossings.pairs() as usize),
+            area_change: Some(area_change(topology, &rest.positions, pose)).filter(|change| change.is_finite()),
             volume_change: volume_change(topology, &rest.positions, pose),
             flipped_faces: Some(flipped_faces(topology, &rest.positions, pose)),
             max_free_stretch: largest_free_stretch(topology, &rest.positions, pose, |v| labels[v as usize]),
@@ -115,14 +126,33 @@ impl Study<'_> {
     /// Fills in the distances to the converged pose, if that is known.
     fn compare_with_converged(&self, caged: &Caged, decimated: bool, pose: &[DVec3], row: SweepRow) -> SweepRow {
         let Some(converged) = &self.converged else { return row };
-        let distance = match &caged.simplified {
+        let (distance, hausdorff) = match &caged.simplified {
             Some(made) if decimated => {
                 let places: Vec<DVec3> = made.origin.iter().map(|&v| converged[v as usize]).collect();
-                rms_distance(pose, &places)
+                (rms_distance(pose, &places), self.hausdorff_between(&caged.mesh, pose, converged))
             }
-            _ => rms_distance(pose, converged),
+            _ => {
+                let apart = hausdorff(self.shape.topology(), pose, converged, &HausdorffOptions::default());
+                (rms_distance(pose, converged), Some(apart.max()))
+            }
         };
-        SweepRow { distance_to_converged: Some(distance * self.scale()), ..row }
+        SweepRow {
+            distance_to_converged: Some(distance * self.scale()),
+            hausdorff_to_converged: hausdorff.map(|distance| distance * self.scale()),
+            ..row
+        }
+    }
+
+    /// The larger distance of a vertex of either to the surface of the other, of a decimated mesh and the shape: they have no topology
+    /// in common.
+    fn hausdorff_between(&self, decimated: &TriMesh, pose: &[DVec3], converged: &[DVec3]) -> Option<f64> {
+        let [posed, shape] = [(decimated, pose), (self.shape, converged)].map(|(mesh, pose)| {
+            // A pose that is not finite is no surface.
+            mesh.with_positions(pose.to_vec()).ok()
+        });
+        let (posed, shape) = (posed?, shape?);
+        let there = surface_distance(pose, &shape).max;
+        Some(there.max(surface_distance(converged, &posed).max))
     }
 
     /// 1 over the diagonal of the shape's bounding box.

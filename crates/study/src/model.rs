@@ -93,6 +93,11 @@ impl Model {
         }
     }
 
+    /// Whether `text` names a generated shape, and not a file.
+    pub(crate) fn is_generated(text: &str) -> bool {
+        matches!(Source::of(text), Source::Generated(..))
+    }
+
     /// What reports call the model that `text` names, whether or not it can be opened.
     pub fn name_of(text: &str) -> String {
         match Source::of(text) {

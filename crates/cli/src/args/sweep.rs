@@ -93,7 +93,9 @@ pub(crate) struct OutputOptions {
     /// Write PREFIX.json and the other forms that --formats names; folders are made if they are not there.
     #[arg(short, long, value_name = "PREFIX")]
     pub(crate) output: Option<PathBuf>,
-    /// Forms to write: json, csv, jsonl (a row a line), md, summary (Markdown that fits a GitHub step summary), svg, junit,
+    /// Forms to write: json, csv, jsonl (a row a line), md, summary (Markdown that fits a GitHub step summary), svg, relative (an SVG
+    /// of errors over that without a cage), html (one file with
+    /// plots, tables and pictures), junit,
     /// github-benchmark (of github-action-benchmark), bencher, and parquet where it is built in. All others can be made of json.
     #[arg(long, value_delimiter = ',', requires = "output", default_values_t = DEFAULT_FORMATS)]
     pub(crate) formats: Vec<ReportFormat>,
@@ -107,8 +109,8 @@ pub(crate) struct OutputOptions {
 }
 
 /// What most people look at, and what the rest can be made of.
-pub(crate) const DEFAULT_FORMATS: [ReportFormat; 4] =
-    [ReportFormat::Json, ReportFormat::Csv, ReportFormat::Markdown, ReportFormat::Svg];
+pub(crate) const DEFAULT_FORMATS: [ReportFormat; 5] =
+    [ReportFormat::Json, ReportFormat::Csv, ReportFormat::Markdown, ReportFormat::Svg, ReportFormat::Html];
 
 /// What is swept. A flag replaces what a plan file says.
 #[derive(Debug, Args)]

@@ -196,6 +196,10 @@ impl Picture {
 /// Another extension than png, a picture that is no picture ([`Picture::to_png`]), or the system's answer.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), IoError> {
     crate::format::check_extension(path, &["png"], "write")?;
-    let bytes = picture.to_png().map_err(|e| FileError::Refused { path: path.to_owned(), reason: e.to_string() })?;
+    let bytes = picture.to_png().map_err(|e| FileError::Refused {
+        path: path.to_owned(),
+        action: "write",
+        reason: e.to_string(),
+    })?;
     Ok(write_atomic(path, &bytes)?)
 }

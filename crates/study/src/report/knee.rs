@@ -1,5 +1,8 @@
 //! How small a cage may be: the smallest within an error, and where a curve of error against size bends.
 
+#[cfg(test)]
+mod tests;
+
 use std::fmt;
 use std::str::FromStr;
 
@@ -14,6 +17,7 @@ use crate::{StudyError, SweepSize};
 
 /// What is looked for among the cage sizes of a series. Written and read as `error:5%`, `no-cage:10%`, `bend`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum KneeTarget {
     /// The smallest cage whose RMS relative edge error is at most this: 0.05 is 5 %.
@@ -32,6 +36,7 @@ pub enum KneeTarget {
 
 /// What was found for a series.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Knee {
     /// The shape.
     pub model: String,
@@ -53,6 +58,7 @@ pub struct Knee {
 
 /// A cage size of a series with its error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct KneeSize {
     /// The size as asked for.
     pub cage_asked: String,

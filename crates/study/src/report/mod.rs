@@ -5,11 +5,14 @@
 
 mod columns;
 mod comparison;
+mod figure3;
 mod formats;
 mod html;
 mod knee;
 mod plot;
 mod row;
+#[cfg(test)]
+mod schema;
 mod series;
 mod table;
 #[cfg(test)]
@@ -18,21 +21,27 @@ mod tests;
 use std::collections::BTreeMap;
 
 use pliant_mesh::TriMesh;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
+use crate::pipeline::median;
+
 pub use comparison::{Comparison, ImplicitRow};
+pub(crate) use formats::on_one_line;
 pub use formats::{FormatError, ReportFormat, SUMMARY_BYTES};
 pub use knee::{Knee, KneeSize, KneeTarget};
 pub(crate) use row::p95;
 pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;
+pub(crate) use table::in_markdown;
 
 /// What [`SweepReport::schema`] says of this form. The number grows when a field changes its meaning or goes; new fields leave it.
 pub const SCHEMA: &str = "pliant-sweep/2";
 
 /// The result of a sweep.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SweepReport {
     /// [`SCHEMA`].
     pub schema: String,
@@ -65,19 +74,50 @@ pub const PICTURE_WORST: f64 = 0.3;
 
 /// A machine, as far as times depend on it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Machine {
     /// What the processor calls itself; `null` where the system does not tell.
     pub cpu: Option<String>,
     /// Threads that worked.
     pub threads: usize,
-    /// Median time of a loop of the arithmetic and memory traffic that stages are made of, run beside the rows: times of two machines are
-    /// compared as multiples of it. `null` if it was not run.
+    /// How fast it was, beside the rows; `null` if that was not measured.
     #[serde(default)]
-    pub calibration_ms: Option<f64>,
+    pub calibration: Option<Calibration>,
+}
+
+/// What a fixed loop takes ([`calibrate`](crate::calibrate())), in milliseconds. Times of two machines, or of one that is busy with other things at times, are
+/// compared as multiples of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Calibration {
+    /// What it takes undisturbed: each kind of its parts as short as it ever was. They are of fractions of a millisecond, which other
+    /// programs rarely break off: on one thread this is the same to a few per cent on a quiet machine and on one with four times as much to
+    /// do as it has cores.
+    #[serde(with = "row::null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
+    pub quiet_ms: f64,
+    /// What it took as a whole; the middle one of several runs.
+    #[serde(with = "row::null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
+    pub taken_ms: f64,
+}
+
+impl Calibration {
+    /// Of one run or more, on one machine; none of none.
+    pub fn of(runs: &[Self]) -> Option<Self> {
+        let quiet_ms = runs.iter().map(|run| run.quiet_ms).min_by(f64::total_cmp)?;
+        Some(Self { quiet_ms, taken_ms: median(runs.iter().map(|run| run.taken_ms).collect()) })
+    }
+
+    /// How many times as long as undisturbed it took: 1 on a machine that does nothing else.
+    pub fn load(&self) -> f64 {
+        self.taken_ms / self.quiet_ms
+    }
 }
 
 /// A model of a plan that no row could be planned for.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Refusal {
     /// The model, as the plan names it.
     pub model: String,
@@ -87,6 +127,7 @@ pub struct Refusal {
 
 /// What a report says about its model.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ModelInfo {
     /// File name or generator, as `creature:100000`.
     pub name: String,
@@ -96,6 +137,7 @@ pub struct ModelInfo {
     pub faces: usize,
     /// Length of the bounding box's diagonal in units of the model, by which distances are divided.
     #[serde(with = "row::null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub diagonal: f64,
     /// Whether the surface has no boundary.
     pub closed: bool,
@@ -166,16 +208,44 @@ impl SweepReport {
 
     /// Reads [`SweepReport::to_json`]'s text; finite figures come back to the last bit, `null` as NaN.
     ///
-    /// Unknown fields are skipped, so that a later version's report can be read. `file` names the text's origin in errors.
+    /// Unknown fields are skipped, so that the report of a later version that only adds some can be read. `file` names the text's origin in
+    /// errors.
     ///
     /// # Errors
-    /// Names file, line and column of what is not JSON, missing or of the wrong kind.
+    /// Names file, line and column of what is not JSON, missing or of the wrong kind, and says so of a report whose [`Self::schema`] is
+    /// another than [`SCHEMA`].
     pub fn read_json(json: &str, file: &str) -> Result<Self, ReportError> {
-        serde_json::from_str(json).map_err(|error| {
+        let read = || {
+            // Before all else: in another schema anything may be of another kind.
+            serde_json::from_str::<Header>(json)?;
+            serde_json::from_str(json)
+        };
+        read().map_err(|error| {
             let text = error.to_string();
             let (line, column) = (error.line(), error.column());
             let message = text.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&text).to_owned();
             ReportError { file: file.to_owned(), line, column, message }
         })
     }
+}
+
+/// What tells whether the rest can be read.
+#[derive(Deserialize)]
+struct Header {
+    #[serde(rename = "schema", deserialize_with = "known_schema")]
+    _schema: (),
+}
+
+fn known_schema<'de, D: Deserializer<'de>>(from: D) -> Result<(), D::Error> {
+    let found = String::deserialize(from)?;
+    if found == SCHEMA {
+        return Ok(());
+    }
+    let number = |schema: &str| schema.strip_prefix("pliant-sweep/")?.parse::<u32>().ok();
+    let when = match (number(&found), number(SCHEMA)) {
+        (Some(found), Some(known)) if found > known => "a later version of Pliant made it",
+        (Some(_), Some(_)) => "an earlier version of Pliant made it; run the sweep again",
+        _ => "it is no report of a sweep",
+    };
+    Err(D::Error::custom(format!("the schema is `{found}`, not `{SCHEMA}`: {when}")))
 }

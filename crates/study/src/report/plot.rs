@@ -1,5 +1,8 @@
 //! The sweep as a picture: error and time against cage size.
 
+#[cfg(test)]
+mod tests;
+
 use std::sync::Arc;
 
 use kuva::backend::svg::SvgBackend;
@@ -336,7 +339,7 @@ fn shortened(text: &str, limit: usize) -> String {
 }
 
 /// Text that kuva draws as it stands: no formula between dollar signs, and no character that XML cannot hold.
-fn plain(text: &str) -> String {
+pub(super) fn plain(text: &str) -> String {
     let allowed = |c: char| !c.is_control() && c != '\u{fffe}' && c != '\u{ffff}';
     text.chars().map(|c| if allowed(c) { c } else { ' ' }).collect::<String>().replace('$', "\\$")
 }

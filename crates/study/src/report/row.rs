@@ -12,6 +12,7 @@ pub const NO_CAGE: &str = "none";
 /// at rest ([`EdgeErrors`]). A figure that is not finite is `null` in JSON and is read back as NaN. All but [`Self::times`] is the same,
 /// bit for bit, wherever and however often the row is made.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SweepRow {
     /// 32 hexadecimal digits that belong to the model's bytes, scene, settings and version; empty where none were asked for.
     #[serde(default)]
@@ -48,37 +49,48 @@ pub struct SweepRow {
 
     /// `sqrt(mean ((l' - l) / l)^2)`: the headline.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub rms_relative: f64,
     /// `sqrt(sum (l' - l)^2 / sum l^2)`: its sibling.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub relative_rms: f64,
     /// Half of all edges have a relative error up to this.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub edge_median: f64,
     /// 95 % of them.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub edge_p95: f64,
     /// 99 % of them.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub edge_p99: f64,
     /// The largest.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub edge_max: f64,
     /// Largest ratio of length to rest length over edges that do not cross a handle's border (a factor, 1 at rest).
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub max_free_stretch: f64,
     /// `rms_relative` of the cage's own edges: the solver's part of the error.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub cage_rms_relative: f64,
     /// `rms_relative` of the shape with nothing deformed: the binding's part.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub rest_rms_relative: f64,
     /// Largest distance that the binding moves a vertex with nothing deformed, as a fraction of the diagonal.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub rest_error_max: f64,
     /// Largest distance between a vertex of a handle and where the scene wants it, as a fraction of the diagonal: a cage
     /// meets handles only as closely as it follows their borders.
     #[serde(default, with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub handle_error_max: f64,
     /// Change of the signed volume as a share of that at rest; `null` for an open mesh.
     #[serde(default)]
@@ -96,7 +108,8 @@ pub struct SweepRow {
     /// fraction of the diagonal; `null` unless asked for.
     #[serde(default)]
     pub distance_to_converged: Option<f64>,
-    /// Hausdorff distance of the surface to that of converged as-rigid-as-possible deformation without a cage, as a fraction of the
+    /// Hausdorff distance of the surface to that of converged as-rigid-as-possible deformation without a cage (of a decimated mesh, between
+    /// vertices and surfaces, both ways), as a fraction of the
     /// diagonal; `null` unless asked for.
     #[serde(default)]
     pub hausdorff_to_converged: Option<f64>,
@@ -118,11 +131,13 @@ pub struct SweepRow {
 
     /// Cage vertices kept per shape vertex, mean.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub kept_mean: f64,
     /// The most that any shape vertex kept.
     pub kept_max: usize,
     /// Share of negative weights among those kept.
     #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub negative_share: f64,
     /// Shape vertices whose weights are so large that they may blow up.
     pub unsafe_rows: usize,
@@ -138,6 +153,7 @@ pub struct SweepRow {
 /// Times and memory of a row. Stages that rows share are timed once and stand in each of them.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RowTimes {
     /// How often each stage was run to time it.
     pub repeats: usize,
@@ -162,12 +178,19 @@ pub struct RowTimes {
 
 /// Repeated times, in milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Spread {
     /// The middle one; the lower of two.
+    #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub median: f64,
     /// The shortest.
+    #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub min: f64,
     /// The longest.
+    #[serde(with = "null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub max: f64,
 }
 
@@ -191,6 +214,7 @@ pub(crate) fn p95(times: &[f64]) -> Option<f64> {
 
 /// Why a row has no figures.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Failure {
     /// Whose fault it is.
     pub kind: FailureKind,
@@ -201,6 +225,7 @@ pub struct Failure {
 /// Kinds of failures of rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum FailureKind {
     /// What was given cannot be done: a model that cannot be read, a scene that does not fit it, a cage too small for it.
     Input,

@@ -108,7 +108,7 @@ fn split_columns(rows: &[SweepRow], detail: Detail) -> (Vec<String>, Vec<&'stati
         };
         let cells: Vec<Cell> = rows.iter().map(column.cell).collect();
         let first = cells.first().map_or_else(String::new, Cell::rounded);
-        if !shown || cells.iter().all(|cell| matches!(cell, Cell::Missing)) {
+        if !shown || cells.iter().all(|cell| cell.exact().is_empty()) {
             continue;
         }
         let can_be_said_once = match column.shown {
@@ -188,11 +188,11 @@ fn quoted(field: String) -> String {
 }
 
 /// Text that stands as it is in a line or cell of Markdown: nothing in it ends either, marks up or opens an element.
-pub(super) fn in_markdown(text: &str) -> String {
+pub(crate) fn in_markdown(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {
-            '\\' | '|' | '<' | '&' | '*' | '`' => out.extend(['\\', letter]),
+            '\\' | '|' | '<' | '&' | '*' | '`' | '$' => out.extend(['\\', letter]),
             _ if letter.is_control() => out.push(' '),
             _ => out.push(letter),
         }

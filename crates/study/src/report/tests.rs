@@ -9,7 +9,7 @@ use crate::paper::paper_sizes;
 /// A sweep as the paper preset makes it: every cage size with both propagations, both prunes and both schedules.
 ///
 /// Figures follow simple laws of the cage size: tests ask how they are written, not what they are.
-fn sweep(vertices: usize) -> SweepReport {
+pub(super) fn sweep(vertices: usize) -> SweepReport {
     let model = ModelInfo {
         name: "shape.obj".to_owned(),
         vertices,
@@ -70,9 +70,9 @@ fn sweep(vertices: usize) -> SweepReport {
 }
 
 /// A name that means something to every format it is written in.
-const HOSTILE: &str = "a,\"b\"\r\nc|d <&> $x^2$ é \u{1}";
+pub(super) const HOSTILE: &str = "a,\"b\"\r\nc|d <&> $x^2$ é \u{1}";
 
-fn hostile() -> SweepReport {
+pub(super) fn hostile() -> SweepReport {
     let mut report = sweep(43_243);
     report.models[0].name = HOSTILE.to_owned();
     report.notes.push(HOSTILE.to_owned());
@@ -102,7 +102,7 @@ fn markdown_table(text: &str) -> Vec<Vec<String>> {
 
 #[test]
 fn json_gives_back_the_same_report_to_the_last_bit() {
-    for report in [sweep(43_243), sweep(100_000), hostile(), SweepReport::default()] {
+    for report in [sweep(43_243), sweep(100_000), hostile(), SweepReport::new(Vec::new())] {
         assert_eq!(SweepReport::read_json(&report.to_json(), "report.json").expect("own JSON"), report);
     }
     // Neighbouring numbers stay apart.
@@ -167,6 +167,20 @@ fn what_is_no_report_is_refused_with_its_place() {
     ] {
         let error = SweepReport::read_json(text, "r.json").expect_err("no report").to_string();
         assert!(error.contains(says) && error.starts_with("r.json:"), "{error}");
+    }
+    for (schema, says) in [
+        (
+            "pliant-sweep/3",
+            "r.json:2:28: the schema is `pliant-sweep/3`, not `pliant-sweep/2`: a later version of Pliant made it",
+        ),
+        ("pliant-sweep/1", "an earlier version of Pliant made it"),
+        ("", "it is no report of a sweep"),
+        ("pliant-sweep/x\\n", "it is no report of a sweep"),
+    ] {
+        // What else has changed does not matter.
+        let other = sweep(43_243).to_json().replacen(SCHEMA, schema, 1).replacen("\"steps\": 20", "\"steps\": {}", 1);
+        let error = SweepReport::read_json(&other, "r.json").expect_err("another schema").to_string();
+        assert!(error.contains(says), "{error}");
     }
     // A later version's extra fields are skipped.
     let later = sweep(43_243).to_json().replacen("\"steps\"", "\"colour\": \"red\", \"steps\"", 1);
@@ -249,6 +263,52 @@ fn markdown_says_constant_columns_once_and_shows_percent() {
     }
     // Scaled sizes have no published figures, so no column for them.
     assert!(!sweep(100_000).to_markdown(Detail::Full).contains("published"));
+}
+
+/// A dozen columns, those that name a row first, then size, error and times of a drag; more only where the settings alone need them.
+#[test]
+fn a_table_of_main_columns_is_narrow() {
+    let headings = |report: &SweepReport| markdown_table(&report.to_markdown(Detail::Main)).remove(0);
+    let mut report = sweep(43_243);
+    for (k, row) in report.rows.iter_mut().enumerate() {
+        // Every figure there, and different in every row.
+        let x = 0.01 * (k + 1) as f64;
+        let time = Spread::of(&[100.0 * x]);
+        (row.handle_error_max, row.rest_rms_relative, row.kept_mean, row.kept_max) = (x, x, x, k);
+        (row.volume_change, row.distance_to_converged, row.flipped_faces) = (Some(x), Some(x), Some(k));
+        (row.times.simplify_ms, row.times.bind_ms, row.times.prepare_ms) = (time, time, time);
+    }
+    let narrow = headings(&report);
+    assert_eq!(
+        narrow,
+        [
+            "steps",
+            "iterations",
+            "propagation",
+            "prune",
+            "cage asked",
+            "cage vertices",
+            "RMS relative (%)",
+            "drag (ms)",
+            "propagate (ms)",
+            "published (%)",
+            "published (ms)",
+            "p95 (%)"
+        ]
+    );
+    let wide = markdown_table(&report.to_markdown(Detail::Full)).remove(0);
+    assert!(narrow.iter().all(|heading| wide.contains(heading)) && wide.len() > 25);
+    // Several models and scenes, decimated meshes and failures beside them.
+    let failure = Failure { kind: FailureKind::Numeric, reason: "because".to_owned() };
+    let row = report.rows[0].clone();
+    report.rows.push(SweepRow { model: "other.obj".to_owned(), vertices: 7, ..row.clone() });
+    report.rows.push(SweepRow { scene: "other".to_owned(), method: "dual".to_owned(), linear: true, ..row.clone() });
+    report.rows.push(SweepRow { start: "levels".to_owned(), cage_vertices: 0, ..row.clone() }.failed(failure));
+    report.rows.push(SweepRow { cage_asked: "decimated:3000".to_owned(), refine_steps: Some(3), ..row });
+    let all = headings(&report);
+    assert_eq!(all[..5], ["model", "vertices", "scene", "method", "steps"]);
+    assert_eq!(all[all.len() - 4..], ["cage vertices", "RMS relative (%)", "drag (ms)", "propagate (ms)"]);
+    assert!(report.to_markdown(Detail::Main).contains("no figures: because"));
 }
 
 #[test]
@@ -335,126 +395,8 @@ fn edges_without_length_are_warned_of() {
     assert_eq!(row.warnings, ["3 edges have length 0 at rest, so no relative error, and are left out"]);
 }
 
-/// All texts of an SVG, which must be well-formed and free of numbers that are none.
-fn svg_texts(svg: &str) -> Vec<String> {
-    assert!(!svg.contains("NaN") && !svg.contains("inf\""), "a coordinate is no number");
-    let document = roxmltree::Document::parse(svg).expect("well-formed");
-    let texts = document.descendants().filter(|node| node.has_tag_name("text"));
-    texts.map(|node| node.text().unwrap_or_default().to_owned()).collect()
-}
-
-/// The points of the lines in an SVG that have a colour and dashes, in order.
-fn svg_lines(svg: &str, colour: &str, dash: Option<&str>) -> Vec<Vec<(f64, f64)>> {
-    let document = roxmltree::Document::parse(svg).expect("well-formed");
-    let paths = document.descendants().filter(|node| node.has_tag_name("path"));
-    let ours = paths.filter(|n| n.attribute("stroke") == Some(colour) && n.attribute("stroke-dasharray") == dash);
-    ours.filter(|node| node.attribute("fill") == Some("none"))
-        .map(|node| {
-            let numbers = node.attribute("d").unwrap_or_default().split([' ', 'M', 'L']);
-            let numbers: Vec<f64> = numbers.filter_map(|word| word.parse().ok()).collect();
-            numbers.chunks(2).map(|pair| (pair[0], pair[1])).collect()
-        })
-        .collect()
-}
-
-#[test]
-fn the_legend_names_every_series_and_the_published_figures() {
-    let texts = svg_texts(&sweep(43_243).to_svg());
-    for propagation in ["positions", "frames"] {
-        for prune in ["magnitude:0.03", "local:24"] {
-            for schedule in ["20 steps of 2 iterations", "converged"] {
-                assert!(texts.contains(&format!("{propagation}, {prune}, {schedule}")));
-            }
-        }
-    }
-    for label in ["no cage, 20 steps of 2 iterations", "no cage, converged", "published", "published, no cage"] {
-        assert!(texts.iter().any(|text| text == label), "{label}");
-    }
-    assert!(texts.iter().any(|text| text == "shape.obj, 43,243 vertices"));
-    assert!(!svg_texts(&sweep(100_000).to_svg()).iter().any(|text| text.contains("published")));
-}
-
-/// The line of one series runs through the points that its rows define: x is affine in the logarithm of the cage size, and
-/// y is affine in the error with 0 on the lower axis.
-#[test]
-fn lines_are_drawn_to_scale() {
-    let report = sweep(43_243);
-    let svg = report.to_svg();
-    let rows: Vec<&SweepRow> = report
-        .rows
-        .iter()
-        .filter(|r| r.propagation == "positions" && r.prune == "magnitude:0.03" && r.iterations.is_some())
-        .collect();
-    let lines = svg_lines(&svg, "#0072b2", None);
-    let [errors, times] = &lines[..] else { panic!("a line in each panel") };
-    let slope = |points: &[(f64, f64)], x: &dyn Fn(usize) -> f64, y: &dyn Fn(&(f64, f64)) -> f64, k: usize| {
-        (y(&points[k]) - y(&points[0])) / (x(k) - x(0))
-    };
-    let size = |k: usize| (rows[k].cage_vertices as f64).ln();
-    let (error, time) = (|k: usize| rows[k].rms_relative, |k: usize| rows[k].edit_ms().ln());
-    assert_eq!((rows.len(), errors.len(), times.len()), (3, 3, 3));
-    // Coordinates have two decimals, over spans of at least 40 pixels.
-    for (points, x, y) in [
-        (errors, &size as &dyn Fn(usize) -> f64, (|p: &(f64, f64)| p.0) as fn(&(f64, f64)) -> f64),
-        (errors, &error, |p| p.1),
-        (times, &size, |p| p.0),
-        (times, &time, |p| p.1),
-    ] {
-        let (near, far) = (slope(points, x, &y, 1), slope(points, x, &y, 2));
-        assert!((near - far).abs() < 1e-3 * far.abs(), "{near} {far}");
-    }
-    // The lower axis is the end of the upright one, at error 0.
-    let zero = errors[0].1 - slope(errors, &error, &|p: &(f64, f64)| p.1, 2) * rows[0].rms_relative;
-    assert!(svg.contains(&format!("y2=\"{:.0}\" stroke=\"#000000\"", zero)), "{zero}");
-}
-
-#[test]
-fn rows_without_a_cage_are_level_lines_at_their_error() {
-    let svg = sweep(43_243).to_svg();
-    for dash in ["6 4", "2 3"] {
-        let lines = svg_lines(&svg, "#333333", Some(dash));
-        assert_eq!(lines.len(), 2, "one in each panel");
-        assert!(lines.iter().all(|line| line.len() == 2 && line[0].1 == line[1].1 && line[0].0 < line[1].0));
-    }
-}
-
-#[test]
-fn an_svg_is_well_formed_whatever_it_is_given() {
-    let texts = svg_texts(&hostile().to_svg());
-    assert!(texts.iter().any(|text| text == "a,\"b\"  c|d <&> $x^2$ é  , 43,243 vertices"), "{texts:?}");
-    // Nothing at all, a single row, nothing but zeros, nothing that can be drawn.
-    svg_texts(&SweepReport::default().to_svg());
-    for figure in [0.0, 0.05, f64::NAN, f64::INFINITY, 1e300, -1.0] {
-        let times = RowTimes { drag_ms: Spread::of(&[figure]), ..RowTimes::default() };
-        let row = SweepRow { rms_relative: figure, times, ..SweepRow::default() };
-        let direct = SweepRow { cage_asked: NO_CAGE.to_owned(), ..row.clone() };
-        let report = SweepReport { rows: vec![row, direct], ..SweepReport::default() };
-        let texts = svg_texts(&report.to_svg());
-        let says = texts.iter().any(|text| text.ends_with("4 figures cannot be drawn"));
-        assert_eq!(says, !(0.0..1.0).contains(&figure), "{figure}: {texts:?}");
-    }
-}
-
-#[test]
-fn a_blow_up_does_not_flatten_the_rest() {
-    let mut report = sweep(43_243);
-    report.rows.iter_mut().filter(|row| row.propagation == "positions").for_each(|row| row.rms_relative *= 40.0);
-    let svg = report.to_svg();
-    // On a logarithmic axis equal ratios are equal lengths: the series above keeps the height it has when plotted alone.
-    let height = |colour: &str| {
-        let line = &svg_lines(&svg, colour, None)[0];
-        line[2].1 - line[0].1
-    };
-    assert!((height("#0072b2") - height("#009e73")).abs() < 0.05);
-    assert!(height("#009e73") > 20.0);
-}
-
 #[test]
 fn the_same_report_gives_the_same_text() {
     let (one, other) = (sweep(43_243), sweep(43_243));
-    let svg = one.to_svg();
-    assert!(svg == other.to_svg());
-    // Whatever is clipped is clipped by something that is defined.
-    assert_eq!(svg.matches("<clipPath id=\"panel-").count(), svg.matches("clip-path=\"url(#panel-").count());
     assert_eq!(one.to_markdown(Detail::Full), other.to_markdown(Detail::Full));
 }

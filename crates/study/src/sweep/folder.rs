@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_128;
 
 use super::{JobEntry, SweepError, SweepJobs};
+use crate::Calibration;
 use crate::report::{Machine, ModelInfo, Refusal, SweepReport, SweepRow};
 
 /// What the file of a job holds.
@@ -219,19 +220,12 @@ pub(super) fn assemble(list: &JobList, mut results: HashMap<String, JobResult>) 
     report
 }
 
-/// The machine, if it was the same one for all, with the shortest time of its loop.
+/// The machine, if it was the same one for all, with what all runs of its loop say.
 fn common_machine(machines: &[Machine]) -> Option<Machine> {
-    let mut common = machines.first()?.clone();
-    for machine in machines {
-        if (&machine.cpu, machine.threads) != (&common.cpu, common.threads) {
-            return None;
-        }
-        common.calibration_ms = match (common.calibration_ms, machine.calibration_ms) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        };
-    }
-    Some(common)
+    let first = machines.first()?;
+    let same = |machine: &Machine| (&machine.cpu, machine.threads) == (&first.cpu, first.threads);
+    let runs: Vec<Calibration> = machines.iter().filter_map(|machine| machine.calibration).collect();
+    machines.iter().all(same).then(|| Machine { calibration: Calibration::of(&runs), ..first.clone() })
 }
 
 fn json(value: &impl Serialize) -> String {

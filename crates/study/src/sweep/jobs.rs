@@ -193,7 +193,29 @@ impl SweepSpec {
     }
 }
 
+impl SweepJob {
+    /// A job that is not of a plan: it has no id, and is kept in no folder.
+    pub(crate) fn loose(model: String, name: &str, scene: String, setting: Setting) -> Self {
+        Self { id: String::new(), model, name: name.to_owned(), scene, setting, place: String::new() }
+    }
+}
+
 impl SweepJobs {
+    /// Jobs that are not of a plan, whether distances to the converged pose are measured, steps of refinement, and repeats.
+    pub(crate) fn loose(jobs: Vec<SweepJob>, (reference, refine_steps, repeats): (bool, usize, usize)) -> Self {
+        Self {
+            jobs,
+            refused: Vec::new(),
+            notes: Vec::new(),
+            common: Common { reference, refine_steps, repeats, camera: None },
+        }
+    }
+
+    /// What [`Self::loose`] is told.
+    pub(crate) fn common(&self) -> (bool, usize, usize) {
+        (self.common.reference, self.common.refine_steps, self.common.repeats)
+    }
+
     /// The jobs in words.
     pub fn entries(&self) -> Vec<JobEntry> {
         let entry = |(index, job): (usize, &SweepJob)| JobEntry {

@@ -11,6 +11,7 @@ use super::folder::assemble;
 use super::jobs::Camera;
 use super::{JobFolder, JobList, JobResult, Made, RowMaker, SweepError, SweepJob, SweepJobs};
 use crate::StudyError;
+use crate::calibrate::calibrate;
 use crate::model::Model;
 use crate::pictures::{draw_pose, usual_view};
 use crate::pipeline::Study;
@@ -96,9 +97,10 @@ impl SweepJobs {
         told: &mut dyn FnMut(JobResult, bool),
     ) -> Result<(), SweepError> {
         let mut finished: Vec<Option<JobResult>> = group.iter().map(|job| self.finished(job, folder)).collect();
-        let mut place = None;
+        let (mut place, mut machine) = (None, Machine::this());
         if finished.iter().any(Option::is_none) {
             place = group.first().map(|job| self.open(job, stages));
+            machine.calibration = Some(calibrate());
         }
         let model = place.as_ref().and_then(|place| place.as_ref().ok());
         let study = model.map(|place| place.study(self, group[0], folder, stages));
@@ -110,7 +112,8 @@ impl SweepJobs {
             }
             let failed = |failure: &Failure| {
                 let vertices = model.map_or(0, |place| place.model.mesh.vertex_count());
-                let row = job.setting.row(&job.name, vertices, &job.scene).failed(failure.clone());
+                let scene = model.map_or(&job.scene, |place| &place.scene.name);
+                let row = job.setting.row(&job.name, vertices, scene).failed(failure.clone());
                 Made { row, pose: None, mesh: None }
             };
             let mut made = match (&place, &study, &mut maker) {
@@ -147,7 +150,7 @@ impl SweepJobs {
                 row: made.row,
                 picture,
                 camera: self.common.camera.map(|camera| camera.to_string()),
-                machine: Machine::this(),
+                machine: machine.clone(),
             };
             if let Some(folder) = folder {
                 folder.keep(&result)?;

@@ -233,5 +233,5 @@ fn seconds(row: &SweepRow) -> f64 {
     let once = [times.simplify_ms, times.bind_ms, times.prepare_ms, times.propagate_ms, times.refine_ms];
     let stages = once.map(|time| (time, 1.0)).into_iter().chain([(times.drag_ms, drags)]);
     let ms = stages.filter_map(|(time, often)| Some(time?.median * often));
-    1e-3 * ms.filter(|ms| ms.is_finite() && *ms >= 0.0).sum::<f64>()
+    1e-3 * ms.filter(|ms| ms.is_finite() && *ms >= 0.0).fold(0.0, |all, ms| all + ms)
 }

@@ -128,7 +128,9 @@ impl SweepReport {
         if let Some(machine) = &self.machine {
             let threads = plural(machine.threads, "thread");
             facts.push(machine.cpu.as_ref().map_or(threads.clone(), |cpu| format!("{cpu}, {threads}")));
-            facts.extend(machine.calibration_ms.map(|ms| format!("calibration loop {ms:.2} ms")));
+            facts.extend(machine.calibration.map(|loop_of| {
+                format!("calibration loop {:.1} ms, undisturbed {:.1} ms", loop_of.taken_ms, loop_of.quiet_ms)
+            }));
         }
         facts
     }

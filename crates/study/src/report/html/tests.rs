@@ -3,7 +3,7 @@ use std::collections::{BTreeMap, HashMap};
 use roxmltree::{Document, Node};
 use serde_json::Value;
 
-use super::super::{Failure, FailureKind, Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread};
+use super::super::{Calibration, Failure, FailureKind, Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread};
 use super::*;
 
 /// What HTML, scripts, XML, templates and Plotly would read as their own.
@@ -55,7 +55,11 @@ fn row(method: &str, cage: &str, vertices: usize, iterations: Option<usize>, err
 fn sample() -> SweepReport {
     let model = ModelInfo { name: "shape.obj".to_owned(), vertices: 20_000, diagonal: 1.7, ..ModelInfo::default() };
     let mut report = SweepReport::new(vec![model]);
-    report.machine = Some(Machine { cpu: Some("a processor".to_owned()), threads: 2, calibration_ms: Some(3.0) });
+    report.machine = Some(Machine {
+        cpu: Some("a processor".to_owned()),
+        threads: 2,
+        calibration: Calibration::of(&[Calibration { quiet_ms: 3.0, taken_ms: 3.0 }]),
+    });
     for (method, factor) in [("arap", 1.0), ("dual", 1.5)] {
         for (cage, vertices) in [("5%", 1000), ("200", 200), ("20%", 4000), ("decimated:5%", 1000), (NO_CAGE, 20_000)] {
             let error = factor * (0.02 + 1.0 / vertices as f64);
