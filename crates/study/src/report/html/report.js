@@ -163,6 +163,8 @@
   // Beyond it a figure says only that something went wrong, and an axis that reaches it would hide all the rest.
   const ABSURD = 1e9;
   const WIDE_RANGE = 20;
+  // Pixels that an axis takes below the plots.
+  const BELOW = 68;
 
   // A logarithmic axis is better than a plain one once the largest value is many times the smallest.
   function logarithmicSuits() {
@@ -246,27 +248,32 @@
     const range = sizes.length > 0 ? [Math.log10(Math.min(...sizes) / 1.6), Math.log10(Math.max(...sizes) * 1.6)] : [2, 4];
     const across = width ?? plot.clientWidth;
     const wide = across > 760;
-    // What a legend takes: a sample of 60 pixels and 7.5 a letter.
-    const letters = Math.max(20, Math.floor((across - 80) / 7.5));
+    // What a legend takes, about: a sample of 60 pixels and 7.5 a letter.
+    const letters = Math.max(20, Math.floor((across - 160) / 7.5));
     const labels = group.lines.map((line) => folded(line.label, letters));
-    const longest = Math.min(letters, Math.max(...group.lines.map((line) => line.label.length)));
-    const perLine = Math.max(1, Math.floor(across / (7.5 * longest + 60)));
-    const legendLines = 1 + (perLine > 1 ? Math.ceil(labels.length / perLine) : labels.flat().length);
+    const taken = group.lines.reduce((sum, line) => sum + 60 + 7.5 * line.label.length, 120);
+    const legendLines = labels.some((label) => label.length > 1) ? labels.flat().length + 1 : Math.ceil(taken / (across - 160));
     const data = traces(group, figure, { ink, range, drawable, letters });
-    const axis = { gridcolor: grid, linecolor: ink, tickcolor: grid, showline: true, ticks: "outside", automargin: true, zeroline: false, exponentformat: "none", separatethousands: true };
-    const size = { ...axis, type: "log", title: { text: "cage vertices" }, range };
-    const time = { ...axis, type: "log", title: { text: "time of one edit (ms)" } };
-    const upright = { ...axis, type: log ? "log" : "linear", rangemode: log ? "normal" : "tozero", title: { text: figure.heading } };
-    const domain = wide ? [[0, 0.47], [0.55, 1]] : [[0, 1], [0, 1]];
+    // Fixed, with room for numbers of seven letters: Plotly looks for margins that fit the labels now and then in vain.
+    const upright = wide ? 380 : 760;
+    const margin = { l: 80, r: 12, t: 12, b: BELOW + 30 * legendLines };
+    const axis = { gridcolor: grid, linecolor: ink, tickcolor: grid, showline: true, ticks: "outside", zeroline: false, tickformat: ",.5~g" };
+    // Ticks at 1, 2, 5, 10... where their labels have room, else at powers of ten.
+    const ticks = (decades) => ({ tickangle: 0, dtick: 3 * 45 * decades < across * (wide ? 0.42 : 0.8) ? "D2" : Math.ceil(decades / 9) });
+    const times = rows.map((_, row) => number(row, "edit_ms")).filter((ms) => ms > 0);
+    const size = { ...axis, ...ticks(range[1] - range[0]), type: "log", title: { text: "cage vertices" }, range };
+    const time = { ...axis, ...ticks(times.length > 0 ? Math.log10(Math.max(...times) / Math.min(...times)) : 0), type: "log", title: { text: "time of one edit (ms)" } };
+    const vertical = { ...axis, type: log ? "log" : "linear", rangemode: log ? "normal" : "tozero", title: { text: figure.heading } };
+    const domain = wide ? [[0, 0.46], [0.56, 1]] : [[0, 1], [0, 1]];
     const layout = {
       width,
-      height: (wide ? 440 : 800) + 26 * legendLines,
+      height: margin.t + upright + margin.b,
       xaxis: { ...size, domain: domain[0] },
       xaxis2: { ...time, domain: domain[1], anchor: "y2" },
-      yaxis: { ...upright, domain: wide ? [0, 1] : [0.58, 1] },
-      yaxis2: { ...upright, domain: wide ? [0, 1] : [0, 0.42], anchor: "x2", matches: "y" },
-      legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", x: 0 },
-      margin: { l: 60, r: 12, t: 12, b: 50 },
+      yaxis: { ...vertical, domain: wide ? [0, 1] : [0.58, 1] },
+      yaxis2: { ...vertical, domain: wide ? [0, 1] : [0, 0.42], anchor: "x2", matches: "y" },
+      legend: { orientation: "h", y: -BELOW / upright, yanchor: "top", x: 0 },
+      margin,
       hovermode: "closest",
       hoverlabel: { align: "left", bgcolor: raised, bordercolor: grid, font: { color: ink, size: 12 } },
       font: { color: ink, family: style.fontFamily, size: 13 },
