@@ -94,7 +94,7 @@ fn a_method_that_refuses_does_not_stop_the_others() {
 }
 
 /// Number of iterations and convergence make two rows of a method that iterates and one of another; the distance to the converged pose
-/// is 0 for that pose itself, and only there if asked for.
+/// is next to nothing for that pose itself, and only there if asked for.
 #[test]
 fn sweeps_run_linear_methods_once_and_know_the_converged_pose() {
     let shape = cylinder();
@@ -111,9 +111,10 @@ fn sweeps_run_linear_methods_once_and_know_the_converged_pose() {
     let names: Vec<(&str, Option<usize>)> = report.rows.iter().map(|r| (r.method.as_str(), r.iterations)).collect();
     assert_eq!(names, [("arap", Some(1)), ("arap", None), ("implicit", None), ("dual", Some(1)), ("dual", None)]);
     let distance = |k: usize| report.rows[k].distance_to_converged.expect("asked for");
-    // The converged drag takes the same ten steps.
-    assert_eq!(distance(1), 0.0);
-    assert!(distance(0) > 1e-4 && distance(2) > 1e-4, "{} {}", distance(0), distance(2));
+    // The converged drag takes the same ten steps, and ends where an iteration gains 1e-5 of the energy: a thousandth of the diagonal
+    // or less from the minimum.
+    assert!(distance(1) < 1e-3, "{}", distance(1));
+    assert!(distance(0) > 3.0 * distance(1) && distance(2) > 3.0 * distance(1), "{} {}", distance(0), distance(2));
     plan.reference = false;
     let report = sweep("cylinder", &shape, &scene, &plan, &Silent).expect("valid");
     assert!(report.rows.iter().all(|row| row.distance_to_converged.is_none() && row.volume_change.is_some()));

@@ -1,9 +1,11 @@
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
+use pliant_mesh::ranges::widen;
 use pliant_mesh::{Progress, Topology, TriMesh, VertexSet};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -88,7 +90,7 @@ fn bad_tiny(found: String) -> CageError {
     CageError::BadOption { what: "tiny (a share of the largest entry, at least 0 and below 1)", found }
 }
 
-/// Reads a prune rule and, each after a `+`, `surface`, `space`, `smoothing:NEIGHBOURS`, `tiny:SHARE` or `exact`.
+/// Reads a prune rule and, each after a `+`, `surface`, `space`, `rings`, `smoothing:NEIGHBOURS`, `tiny:SHARE` or `exact`.
 impl FromStr for BindOptions {
     type Err = CageError;
 
@@ -278,6 +280,46 @@ impl Binding {
             }
             None => (vec![cage_vertex], vec![1.0]),
         }
+    }
+
+    /// For each cage vertex the shape vertices, first to last, outside of which nobody moves by frames when it does: those that follow it or a
+    /// vertex of its ring, whose frame it turns. Linear in the number of kept weights.
+    ///
+    /// ```
+    /// use pliant_cage::{BindOptions, Binding};
+    /// use pliant_mesh::{Silent, shapes};
+    ///
+    /// let (shape, cage) = (shapes::icosphere(3), shapes::icosphere(1));
+    /// let binding = Binding::new(&shape, &cage, &BindOptions::default(), &Silent)?;
+    /// let reach = binding.reach();
+    /// assert!(reach.iter().all(|range| range.start < range.end && range.end <= shape.vertex_count()));
+    /// # Ok::<(), pliant_cage::CageError>(())
+    /// ```
+    pub fn reach(&self) -> Vec<Range<usize>> {
+        let n = self.cage.len();
+        let mut own = vec![0..0; n];
+        for i in 0..self.shape.len() {
+            for &j in self.rows.row(i).0 {
+                widen(&mut own[j as usize], &(i..i + 1));
+            }
+        }
+        let mut averaged = own;
+        if let Some(rows) = &self.smoothing {
+            let by_rank = &self.packed.by_rank;
+            let own = std::mem::replace(&mut averaged, vec![0..0; n]);
+            for (rank, &j) in by_rank.iter().enumerate() {
+                for &k in rows.row(rank).0 {
+                    widen(&mut averaged[by_rank[k as usize] as usize], &own[j as usize]);
+                }
+            }
+        }
+        let mut reach = averaged.clone();
+        for (j, reach) in reach.iter_mut().enumerate() {
+            for &k in self.cage_topology.neighbours(j) {
+                widen(reach, &averaged[k as usize]);
+            }
+        }
+        reach
     }
 
     /// Bytes that propagation by frames or positions to f32 reads and writes per call, in the shape's arrays: rows, rest positions, and

@@ -120,6 +120,24 @@ impl Propagator {
         self.before = before;
     }
 
+    /// As [`Self::carry`], in single precision: writes to `after` where the points `before` go.
+    ///
+    /// Where the cage stays as it is, points keep their bits; elsewhere they differ from those of [`Self::carry`] by rounding, see
+    /// [`Self::apply_f32`].
+    ///
+    /// # Panics
+    /// If a slice has another length than the binding says.
+    pub fn carry_f32(&mut self, binding: &Binding, from: &[DVec3], to: &[DVec3], before: &[Vec3], after: &mut [Vec3]) {
+        assert_eq!(from.len(), binding.cage_vertex_count());
+        assert_eq!(to.len(), binding.cage_vertex_count());
+        assert_eq!(before.len(), binding.shape_vertex_count());
+        assert_eq!(after.len(), binding.shape_vertex_count());
+        self.frames.fit(&binding.cage_topology, from, to, self.fit);
+        let moves = self.single.follow(binding, from, to, &self.frames.matrices);
+        let centre = binding.packed.centre.as_vec3();
+        binding.packed.sum(moves, after, &SingleFrom { centre, before });
+    }
+
     /// Writes to `after` where the points `before` go as the cage goes from `from` to `to`.
     fn follow(&mut self, binding: &Binding, from: &[DVec3], to: &[DVec3], before: &[DVec3], after: &mut [DVec3]) {
         self.frames.fit(&binding.cage_topology, from, to, self.fit);
@@ -223,6 +241,22 @@ impl Finish<f64, 16> for Double<'_> {
 /// Frames propagation in single precision.
 struct Single {
     centre: Vec3,
+}
+
+/// The same from any position before.
+struct SingleFrom<'a> {
+    centre: Vec3,
+    before: &'a [Vec3],
+}
+
+impl Finish<f32, 16> for SingleFrom<'_> {
+    type Point = Vec3;
+    const EXACT: bool = false;
+
+    #[inline(always)]
+    fn finish(&self, i: usize, _: Vec3, leading: usize, length: usize, sum: &[f32; 16]) -> Vec3 {
+        Single { centre: self.centre }.finish(i, self.before[i], leading, length, sum)
+    }
 }
 
 impl Finish<f32, 16> for Single {

@@ -3,18 +3,19 @@
 //! Rows must change smoothly from one shape vertex to the next, or the seam is an edge error. So the nearest vertices are found
 //! exactly, by distance in space, and each has a *trust* between 0 and 1 that fades as the way along the surface gets
 //! longer than the straight one. Around a limb the two differ by at most pi / 2, and a little for the detour along edges; to
-//! a limb that merely touches, or to another component, the way is far longer or there is none.
+//! a limb that merely touches, or to another component, the way is far longer or there is none. Rings of the cage's vertices need no
+//! trust: they are on the surface.
 
 use std::borrow::Cow;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::fmt;
 use std::num::NonZero;
+use std::ops::ControlFlow;
 use std::str::FromStr;
 
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use pliant_mesh::Topology;
+use pliant_mesh::select::EdgeWalk;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +32,11 @@ pub enum Support {
     Surface,
     /// Nearest in space, whatever lies between.
     Space,
+    /// Nearest in space, among the vertex of the cage that the point belongs to and those within two edges of it, some 20. Nothing is
+    /// searched, so this costs a fifth of [`Self::Surface`] and keeps limbs as well apart, but only rows of a few vertices (6 or so)
+    /// change smoothly from point to point: for cages nearly as dense as the shape. A vertex with hundreds within two edges is treated
+    /// as by [`Self::Space`].
+    Rings,
 }
 
 impl fmt::Display for Support {
@@ -38,6 +44,7 @@ impl fmt::Display for Support {
         f.write_str(match self {
             Self::Surface => "surface",
             Self::Space => "space",
+            Self::Rings => "rings",
         })
     }
 }
@@ -49,7 +56,8 @@ impl FromStr for Support {
         match text {
             "surface" => Ok(Self::Surface),
             "space" => Ok(Self::Space),
-            _ => Err(CageError::BadOption { what: "support (surface or space)", found: text.to_owned() }),
+            "rings" => Ok(Self::Rings),
+            _ => Err(CageError::BadOption { what: "support (surface, space or rings)", found: text.to_owned() }),
         }
     }
 }
@@ -63,6 +71,9 @@ const FAR_WAY: f64 = 4.0;
 
 /// Most cage vertices that one owner's points choose from together; beyond, each point asks the tree itself.
 const MOST_SHARED: usize = 512;
+
+/// Neighbours of neighbours, each as often as it is met, that are looked at for [`MOST_SHARED`] different ones.
+const MOST_GATHERED: usize = 4096;
 
 /// A cage vertex near a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -151,9 +162,33 @@ impl<'a> Neighbourhoods<'a> {
         }
         // Without rows there is nothing to list: the tree is all that is asked.
         if most > 0 {
-            made.collect(&mut reach, support);
+            match support {
+                Support::Rings => made.collect_rings(),
+                Support::Surface | Support::Space => made.collect(&mut reach, support),
+            }
         }
         made
+    }
+
+    /// Fills `near` with what is within two edges. A list that is too long to share is left out: its points ask the tree.
+    fn collect_rings(&mut self) {
+        let around = |g: u32| self.topology.neighbours(g as usize);
+        let ring = |g: u32| {
+            let mut list = vec![g];
+            for &j in around(g) {
+                if list.len() + 1 + around(j).len() > MOST_GATHERED {
+                    return Vec::new();
+                }
+                list.push(j);
+                list.extend_from_slice(around(j));
+            }
+            list.sort_unstable();
+            list.dedup();
+            list.truncate(if list.len() > MOST_SHARED { 0 } else { list.len() });
+            list
+        };
+        self.near = (0..self.positions.len() as u32).into_par_iter().with_min_len(256).map(ring).collect();
+        self.far = vec![Vec::new(); self.positions.len()];
     }
 
     /// Fills `near` and `far`. `reach` is twice the distance of each cage vertex to its farthest point.
@@ -186,7 +221,7 @@ impl<'a> Neighbourhoods<'a> {
                     let near = if shared { list.iter().map(|n| n.1).collect() } else { Vec::new() };
                     let far = match support {
                         Support::Surface => self.distrusted(g, &within(g, self.widest(g, reach)), paths),
-                        Support::Space => Vec::new(),
+                        Support::Space | Support::Rings => Vec::new(),
                     };
                     (near, far)
                 },
@@ -364,68 +399,44 @@ pub(crate) fn past_all(near: &[Near]) -> f64 {
     1.1 * near.iter().map(|n| n.distance).fold(0.0, f64::max)
 }
 
-/// Shortest ways along the cage's edges from one vertex (Dijkstra), in memory kept from search to search.
+/// Shortest ways along the cage's edges from one vertex, in memory kept from search to search.
 struct Paths {
-    distance: Vec<f64>,
-    /// The search that set a vertex's distance last.
-    stamp: Vec<u32>,
+    walk: EdgeWalk,
+    /// The search that last wanted a vertex.
     wanted: Vec<u32>,
     search: u32,
-    heap: BinaryHeap<Reverse<(u64, u32)>>,
 }
 
 impl Paths {
     fn new(vertices: usize) -> Self {
-        Self {
-            distance: vec![0.0; vertices],
-            stamp: vec![0; vertices],
-            wanted: vec![0; vertices],
-            search: 0,
-            heap: BinaryHeap::new(),
-        }
+        Self { walk: EdgeWalk::new(vertices), wanted: vec![0; vertices], search: 0 }
     }
 
     /// Measures the ways from `source` to `targets` (straight distance and vertex), those longer than [`FAR_WAY`] times the straight
     /// distance excepted.
     fn measure(&mut self, topology: &Topology, positions: &[DVec3], source: u32, targets: &[(f64, u32)]) {
         self.search += 1;
-        let mut open = targets.len();
         for &(_, j) in targets {
             self.wanted[j as usize] = self.search;
         }
         // Nobody needs a way longer than this.
         let limit = FAR_WAY * targets.last().map_or(0.0, |t| t.0);
-        self.heap.clear();
-        self.reach(source, 0.0);
-        while let Some(Reverse((bits, v))) = self.heap.pop() {
-            let here = f64::from_bits(bits);
-            if here > self.distance[v as usize] {
-                continue;
-            }
-            if self.wanted[v as usize] == self.search {
-                self.wanted[v as usize] = 0;
-                open -= 1;
-                if open == 0 {
-                    break;
-                }
-            }
-            for &w in topology.neighbours(v as usize) {
-                let there = here + positions[v as usize].distance(positions[w as usize]);
-                if there <= limit && there < self.distance(w) {
-                    self.reach(w, there);
-                }
-            }
-        }
-    }
-
-    fn reach(&mut self, vertex: u32, distance: f64) {
-        self.distance[vertex as usize] = distance;
-        self.stamp[vertex as usize] = self.search;
-        self.heap.push(Reverse((distance.to_bits(), vertex)));
+        let mut open = targets.len();
+        self.walk.visit(
+            topology,
+            positions,
+            [source],
+            limit,
+            |_| true,
+            |v, _, _| {
+                open -= usize::from(self.wanted[v as usize] == self.search);
+                if open == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            },
+        );
     }
 
     /// Infinite where the last search did not come.
     fn distance(&self, vertex: u32) -> f64 {
-        if self.stamp[vertex as usize] == self.search { self.distance[vertex as usize] } else { f64::INFINITY }
+        self.walk.distance(vertex)
     }
 }

@@ -21,6 +21,7 @@ fn rules() -> Vec<BindOptions> {
         Prune::Local { neighbours: 24 }.into(),
         BindOptions::default(),
         BindOptions { support: Support::Space, smoothing: 0, tiny: 0.0, ..BindOptions::default() },
+        BindOptions { support: Support::Rings, ..Prune::Smooth { neighbours: 6 }.into() },
         BindOptions { smoothing: 5, exact: true, ..Prune::PAPER.into() },
     ]
 }

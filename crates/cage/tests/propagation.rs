@@ -182,6 +182,15 @@ fn points_are_carried_from_any_pose() {
                 // Rotations of rings that a bend has squeezed are found to fewer digits.
                 assert!(p.distance(motion.apply(*x)) < 1e-8 * diagonal, "{}, {rule}", pair.name);
             }
+            let rounded: Vec<Vec3> = start.iter().map(|p| p.as_vec3()).collect();
+            let mut single = vec![Vec3::NAN; start.len()];
+            propagator.carry_f32(&binding, &from, &from, &rounded, &mut single);
+            assert!(single == rounded, "{}, {rule}", pair.name);
+            propagator.carry_f32(&binding, &from, &to, &rounded, &mut single);
+            let off = single.iter().zip(&points).map(|(s, p)| s.as_dvec3().distance(*p)).fold(0.0, f64::max);
+            // As from rest; the points and where they go are a few times as far from the centre.
+            let bound = 5e-6 * diagonal * binding.report().largest_magnitude;
+            assert!(off < bound, "{}, {rule}: {off:e} of {bound:e}", pair.name);
             let (mut carried, mut applied) = (pair.shape.positions.clone(), start);
             propagator.carry(&binding, &pair.cage.mesh.positions, &from, &mut carried);
             propagator.apply(&binding, &from, &mut applied);
@@ -203,6 +212,34 @@ fn parts_are_carried_as_the_whole_is() {
             let mut propagator = Propagator::new(Propagation::Frames);
             propagator.carry(&binding.part(&some), &pair.cage.mesh.positions, &pose, &mut part);
             assert!(some.iter().map(|v| whole[v as usize]).eq(part), "{}, {rule}", pair.name);
+        }
+    }
+}
+
+/// Who moves when one cage vertex does lies within its reach, the ends of which move by the default rule.
+#[test]
+fn nobody_moves_out_of_reach() {
+    for pair in pairs() {
+        let (cage, shape) = (&pair.cage.mesh.positions, &pair.shape.positions);
+        let step = 0.05 * pair.shape.bounds().diagonal();
+        for (rule, binding) in bindings(&pair.shape, &pair).into_iter().filter(|b| b.0 != "identity") {
+            let reach = binding.reach();
+            let (mut propagator, mut points) = (Propagator::new(Propagation::Frames), shape.clone());
+            let (mut tried, mut tight) = (0, 0);
+            for j in (0..cage.len()).step_by(1 + cage.len() / 8) {
+                let mut pose = cage.clone();
+                pose[j] += DVec3::new(0.7, -1.0, 0.4) * step;
+                points.copy_from_slice(shape);
+                propagator.carry(&binding, cage, &pose, &mut points);
+                let moved = |i: &usize| points[*i] != shape[*i];
+                let ends = [(0..points.len()).find(moved), (0..points.len()).rev().find(moved)];
+                let [Some(first), Some(last)] = ends else { panic!("{}, {rule}: {j} moves nothing", pair.name) };
+                assert!(reach[j].start <= first && last < reach[j].end, "{}, {rule}, cage vertex {j}", pair.name);
+                tried += 1;
+                tight += usize::from(reach[j] == (first..last + 1));
+            }
+            // Entries that pruning leaves next to nothing move their vertices by less than rounding.
+            assert!(rule != "smooth:12" || 10 * tight >= 8 * tried, "{}: {tight} of {tried}", pair.name);
         }
     }
 }

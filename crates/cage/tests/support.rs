@@ -68,6 +68,7 @@ fn limbs_that_touch_do_not_follow_each_other() {
             ends.filter(|&i| followed(i).any(|y| is_end(y) && y.x * shape.positions[i].x < 0.0)).count()
         };
         assert_eq!(leaks(Support::Surface), 0, "{share}");
+        assert_eq!(leaks(Support::Rings), 0, "{share}");
         assert!(leaks(Support::Space) > 20, "{share}");
     }
 }
@@ -96,31 +97,63 @@ fn on_round_shapes_both_supports_agree() {
     assert!((0..shape.vertex_count()).all(|i| surface.row(i) == space.row(i)));
 }
 
+/// The most that the rows of an edge's two ends differ, by the sum of magnitudes.
+fn largest_change(shape: &TriMesh, cage: &Simplified, options: &BindOptions) -> f64 {
+    let binding = bind(shape, cage, options);
+    let mut dense = vec![0.0; cage.mesh.vertex_count()];
+    let mut add = |i: u32, sign: f64| {
+        let (indices, weights) = binding.row(i as usize);
+        for (&j, &w) in indices.iter().zip(weights) {
+            dense[j as usize] += sign * f64::from(w);
+        }
+        dense.iter().map(|w| w.abs()).sum::<f64>()
+    };
+    let change = |&[a, b]: &[u32; 2]| {
+        add(a, 1.0);
+        let change = add(b, -1.0);
+        add(a, -1.0);
+        add(b, 1.0);
+        change
+    };
+    shape.topology().edges().iter().map(change).fold(0.0, f64::max)
+}
+
 /// Rows change little from a vertex to its neighbour, also where trust fades: what jumps is an edge error. In space, where rows
 /// are a continuous function of the point, the most that any edge's rows differ is what the spacing of the vertices makes.
 #[test]
 fn rows_change_as_smoothly_along_the_surface_as_in_space() {
     for Pair { name, shape, cage } in pairs() {
-        let largest_change = |support| {
-            let binding = bind(&shape, &cage, &options(12, support));
-            let mut dense = vec![0.0; cage.mesh.vertex_count()];
-            let mut add = |i: u32, sign: f64| {
-                let (indices, weights) = binding.row(i as usize);
-                for (&j, &w) in indices.iter().zip(weights) {
-                    dense[j as usize] += sign * f64::from(w);
-                }
-                dense.iter().map(|w| w.abs()).sum::<f64>()
-            };
-            let change = |&[a, b]: &[u32; 2]| {
-                add(a, 1.0);
-                let change = add(b, -1.0);
-                add(a, -1.0);
-                add(b, 1.0);
-                change
-            };
-            shape.topology().edges().iter().map(change).fold(0.0, f64::max)
-        };
-        let (surface, space) = (largest_change(Support::Surface), largest_change(Support::Space));
+        let [surface, space] =
+            [Support::Surface, Support::Space].map(|support| largest_change(&shape, &cage, &options(12, support)));
         assert!(surface < 1.25 * space, "{name}: {surface} along the surface, {space} in space");
+    }
+}
+
+/// So do short rows from rings of vertices, on a cage nearly as dense as the shape.
+#[test]
+fn short_rows_of_rings_change_as_smoothly() {
+    for Pair { name, shape, .. } in pairs() {
+        let cage = simplify(&shape, &CageSize::Fraction(0.25).into(), &Silent).expect("valid");
+        let [rings, space] =
+            [Support::Rings, Support::Space].map(|support| largest_change(&shape, &cage, &options(6, support)));
+        assert!(rings < 1.25 * space, "{name}: {rings} from rings, {space} in space");
+    }
+}
+
+/// A fan round one vertex has all of its vertices within two edges of each: too many to list, and still bound in no time.
+#[test]
+fn a_fan_of_many_faces_is_bound_by_rings() {
+    let rim = 20_000u32;
+    let angle = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(rim);
+    let mut positions = vec![glam::DVec3::Z];
+    positions.extend((0..rim).map(|k| glam::DVec3::new(angle(k).cos(), angle(k).sin(), 0.0)));
+    let triangles = (0..rim).map(|k| [0, 1 + k, 1 + (k + 1) % rim]).collect();
+    let fan = TriMesh::new(positions, triangles).expect("valid");
+    let binding = Binding::new(&fan, &fan, &options(6, Support::Rings), &Silent).expect("valid");
+    for i in 0..fan.vertex_count() {
+        let (indices, weights) = binding.row(i);
+        // A vertex that is one of the cage follows itself most.
+        assert_eq!(indices[0] as usize, i);
+        assert!(weights.iter().all(|w| *w > 0.0) && indices.len() <= 6, "row {i}");
     }
 }

@@ -1,9 +1,17 @@
 //! What can be typed.
 
+mod check;
+mod sweep;
+
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use pliant::{BindOptions, Iterations, Method, Propagation, StartFrom, SweepSize};
+
+pub(crate) use check::CheckOptions;
+pub(crate) use sweep::{
+    DEFAULT_FORMATS, MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart,
+};
 
 const LEARN_MORE: &str = "\
 Start with `pliant demo`, then try an edit of your own:
@@ -16,7 +24,7 @@ Start with `pliant demo`, then try an edit of your own:
 /// A quadric-error simplifier makes a control mesh (cage) of the shape, mean value coordinates bind the shape to it, a
 /// solver moves the cage, and the shape follows.
 #[derive(Debug, Parser)]
-#[command(name = "pliant", version, after_help = LEARN_MORE)]
+#[command(name = "pliant", version, after_help = format!("{LEARN_MORE}\n\n{}", crate::exit::TABLE))]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -28,7 +36,8 @@ pub(crate) enum Command {
     Info(InfoOptions),
     Cage(CageOptions),
     Edit(EditOptions),
-    Sweep(SweepOptions),
+    Sweep(Box<SweepCommand>),
+    Check(Box<CheckOptions>),
     Compare(CompareOptions),
     Bench(BenchOptions),
 }
@@ -138,57 +147,6 @@ pub(crate) struct EditOptions {
     pub(crate) json: bool,
 }
 
-/// Edit a model at several cage sizes, and tabulate error and time against size.
-///
-/// Every combination of what is listed becomes a row. Errors are changes of edge lengths: `rms_relative` is
-/// sqrt(mean(((l' - l) / l)^2)), `relative_rms` is sqrt(sum (l' - l)^2 / sum l^2).
-#[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  pliant sweep bunny.obj --sizes 1%,2%,5%,10%,none -o out/bunny\n  pliant sweep armadillo.obj --preset paper -o out/paper\n  pliant sweep creature:20000 --prune magnitude:0.03,smooth:16 --propagation positions,frames --json"
-)]
-pub(crate) struct SweepOptions {
-    /// A mesh file (obj, ply, off, stl, glb, gltf), or a generated shape with about N vertices: creature:N, bar:N,
-    /// cactus:N, cylinder:N or plane:N.
-    pub(crate) model: String,
-    /// A scene file (JSON), or the name of a built-in scene, or auto.
-    #[arg(long, value_name = "SCENE")]
-    pub(crate) scene: Option<String>,
-    /// A ready set of rows instead of the lists below.
-    #[arg(long, conflicts_with_all = ["sizes", "propagation", "prune", "iterations", "steps", "start", "reference"])]
-    pub(crate) preset: Option<Preset>,
-    /// Cage sizes: vertices (2000), shares (5%), distances (error:0.002), or none to deform the model itself.
-    #[arg(long, value_delimiter = ',', default_values = ["1%", "2%", "5%", "10%", "none"])]
-    pub(crate) sizes: Vec<SweepSize>,
-    /// How the cage's motion is carried to the model: frames, positions.
-    #[arg(long, value_delimiter = ',', default_values_t = [Propagation::default()])]
-    pub(crate) propagation: Vec<Propagation>,
-    /// Which weights are kept: smooth:NEIGHBOURS, local:NEIGHBOURS, magnitude:SHARE (the paper's rule: 0.03), none; each may have
-    /// +space, +smoothing:N or +exact added.
-    #[arg(long, value_delimiter = ',', default_values_t = [BindOptions::default()])]
-    pub(crate) prune: Vec<BindOptions>,
-    /// Iterations of the solver in each step: numbers, or converged.
-    #[arg(long, value_delimiter = ',', default_values = ["2"])]
-    pub(crate) iterations: Vec<Iterations>,
-    /// Equal steps in which the handles travel to their goals.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub(crate) steps: u32,
-    /// What each solve on a cage starts from: levels (coarser cages, where the goals are far) or pose (the last pose alone).
-    #[arg(long, default_value_t)]
-    pub(crate) start: StartFrom,
-    /// Methods, as `pliant edit --method` takes them: arap,laplacian:two-step,implicit. Default: the scene's, else arap.
-    #[arg(long, value_name = "METHODS", value_delimiter = ',')]
-    pub(crate) methods: Vec<Method>,
-    /// Also measure how far each result is from converged as-rigid-as-possible deformation without a cage, which is found first.
-    #[arg(long)]
-    pub(crate) reference: bool,
-    /// Write PREFIX.json, PREFIX.csv, PREFIX.md and PREFIX.svg.
-    #[arg(short, long, value_name = "PREFIX")]
-    pub(crate) output: Option<PathBuf>,
-    /// Print the JSON report instead of text.
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
 /// Deform by several methods, side by side: a table of errors and times, and a picture of each.
 ///
 /// A row has edge length errors, the distance to converged as-rigid-as-possible deformation without a cage, the change of volume, faces
@@ -275,11 +233,4 @@ pub(crate) struct BenchOptions {
     /// Print one JSON object instead of text.
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Preset {
-    /// Table 1 of Hybrid Mesh Editing (Borosan et al. 2010): its cage sizes, both propagations and prune rules, unit
-    /// weights, the scene armadillo-2 dragged in 20 steps of 2 iterations, and converged; published figures beside ours.
-    Paper,
 }

@@ -1,16 +1,17 @@
-use anyhow::{Context, Result, bail};
-use pliant::{Study, SweepSize, Timing, TimingPlan, count, time_stages};
+use anyhow::{Context, Result};
+use pliant::{Model, Study, SweepSize, Timing, TimingPlan, count, time_stages};
 
 use crate::args::BenchOptions;
 use crate::console::{Console, print_json};
 use crate::edit::method;
-use crate::model::Model;
+use crate::exit::Misuse;
 
 pub(crate) fn run(options: &BenchOptions) -> Result<()> {
     if options.cage == SweepSize::None {
-        bail!(
-            "--cage none: there would be nothing to bind and nothing to propagate; use a number of vertices (2000) or a share (5%)"
-        );
+        return Err(Misuse(
+            "--cage none: there would be nothing to bind and nothing to propagate; use a number of vertices (2000) or a share (5%)".to_owned(),
+        )
+        .into());
     }
     match options.threads {
         None => measure(options),

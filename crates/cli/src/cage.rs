@@ -1,12 +1,13 @@
-use anyhow::{Result, bail};
+use anyhow::Result;
 use pliant::{
-    SimplifyReport, SurfaceDistance, SweepSize, can_write_mesh, count, simplify, surface_distance, timed, write,
+    Model, SimplifyReport, SurfaceDistance, SweepSize, can_write_mesh, count, simplify, surface_distance, timed, write,
 };
 use serde::Serialize;
 
 use crate::args::CageOptions;
 use crate::console::{Console, StageTime, print_json};
-use crate::model::Model;
+use crate::exit::Misuse;
+use crate::model::check_outputs;
 
 /// What `pliant cage --json` prints.
 #[derive(Serialize)]
@@ -29,14 +30,15 @@ struct CageResult {
 
 pub(crate) fn run(options: &CageOptions) -> Result<()> {
     let SweepSize::Cage(size) = options.size else {
-        bail!(
-            "--size none: a cage has some size; use a number of vertices (2000), a share (5%) or a distance (error:0.002)"
-        );
+        return Err(Misuse(
+            "--size none: a cage has some size; use a number of vertices (2000), a share (5%) or a distance (error:0.002)".to_owned(),
+        )
+        .into());
     };
     can_write_mesh(&options.output)?;
     let console = Console::new(options.json);
     let model = Model::open(&options.model, &console)?;
-    model.check_outputs([options.output.as_path()], None)?;
+    check_outputs(&model, [options.output.as_path()], None)?;
     let shape = &model.mesh;
     let (cage, _) = timed(
         &console,
@@ -52,7 +54,7 @@ pub(crate) fn run(options: &CageOptions) -> Result<()> {
     )?;
     timed(&console, "write", |_| write(&options.output, &cage.mesh), |()| options.output.display().to_string())?;
 
-    let (_, scale) = model.bounds().normal_frame();
+    let (_, scale) = model.mesh.bounds().normal_frame();
     let (before, after) = (shape.topology(), cage.mesh.topology());
     let result = CageResult {
         model: model.name.clone(),

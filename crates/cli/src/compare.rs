@@ -3,14 +3,14 @@ use std::path::PathBuf;
 use anyhow::Result;
 use pliant::glam::DVec3;
 use pliant::{
-    Bounds, CageSize, ComparePlan, Compared, Comparison, Detail, PICTURE_WORST, Picture, PictureOptions, Scene,
-    Schedule, SheetCell, SheetRow, StartFrom, SweepSize, TriMesh, Values, View, can_write, compare, contact_sheet,
-    edge_errors_at_vertices, render_values, timed, trim_alike, write_atomic, write_png,
+    Bounds, CageSize, ComparePlan, Compared, Comparison, Detail, Model, Picture, PictureOptions, Scene, Schedule,
+    SheetCell, SheetRow, StartFrom, SweepSize, TriMesh, can_write, coloured, compare, contact_sheet, timed, trim_alike,
+    usual_view, write_atomic, write_png,
 };
 
 use crate::args::CompareOptions;
 use crate::console::Console;
-use crate::model::Model;
+use crate::model::check_outputs;
 use crate::sweep::with_extensions;
 
 pub(crate) fn run(options: &CompareOptions) -> Result<()> {
@@ -91,20 +91,19 @@ fn cases(options: &CompareOptions, console: &Console, files: &[(PathBuf, &str)])
             .collect();
     };
     let model = Model::open(name, console)?;
-    model.check_outputs(files.iter().map(|(path, _)| path.as_path()), options.scene.as_deref())?;
+    check_outputs(&model, files.iter().map(|(path, _)| path.as_path()), options.scene.as_deref())?;
     let scene = model.scene(options.scene.as_deref())?;
     Ok(vec![(model, scene)])
 }
 
 /// The shape by each method, from one camera, coloured by edge errors.
 fn draw(shape: &TriMesh, compared: &Compared) -> Result<SheetRow> {
-    let base = PictureOptions { width: 150, height: 130, view: view(&shape.bounds()), ..PictureOptions::default() };
-    let options = PictureOptions { framing: Some(framing(shape, compared)), ..base };
+    let base =
+        PictureOptions { width: 150, height: 130, view: usual_view(&shape.bounds()), ..PictureOptions::default() };
+    let options = PictureOptions { framing: framing(shape, compared).corners().to_vec(), ..base };
     let mut pictures = Vec::new();
     for pose in compared.poses.iter().flatten() {
-        let errors = edge_errors_at_vertices(shape.topology(), &shape.positions, pose);
-        let values = Values { of_vertices: &errors, range: (0.0, PICTURE_WORST) };
-        pictures.push(render_values(&shape.with_positions(pose.clone())?, values, &options)?);
+        pictures.push(coloured(shape, pose, &options)?);
     }
     let mut pictures = trim_alike(&pictures, 2, options.background).into_iter();
     let report = &compared.report;
@@ -126,14 +125,4 @@ fn framing(shape: &TriMesh, compared: &Compared) -> Bounds {
         .flat_map(|bounds| [bounds.min, bounds.max])
         .collect();
     if corners.is_empty() { rest } else { Bounds::of(&corners) }
-}
-
-/// From the front; of something flat that lies in the plane z = 0, from low above its side, so that what is lifted from it shows.
-fn view(rest: &Bounds) -> View {
-    let size = rest.size();
-    if size.z < 0.3 * size.x.min(size.y) {
-        View { from: DVec3::new(0.5, -1.0, 0.45), up: DVec3::Z }
-    } else {
-        View::default()
-    }
 }

@@ -20,6 +20,8 @@ pub(crate) struct StageTime {
 pub(crate) struct Console {
     /// Whether lines are printed; they are not beside `--json`.
     lines: bool,
+    /// Whether those of stages are.
+    stage_lines: bool,
     running: Arc<Mutex<Running>>,
     ended: Mutex<Vec<StageTime>>,
 }
@@ -46,7 +48,12 @@ impl Console {
             let watched = Arc::downgrade(&running);
             std::thread::spawn(move || watch(&watched));
         }
-        Self { lines: !json, running, ended: Mutex::new(Vec::new()) }
+        Self { lines: !json, stage_lines: !json, running, ended: Mutex::new(Vec::new()) }
+    }
+
+    /// Without lines for stages.
+    pub(crate) fn quiet(json: bool) -> Self {
+        Self { stage_lines: false, ..Self::new(json) }
     }
 
     /// Prints a line, unless JSON was asked for.
@@ -114,7 +121,7 @@ impl Stages for Console {
             running.stage = None;
             running.bar.finish_and_clear();
         }
-        if self.lines {
+        if self.stage_lines {
             // A closed pipe is noticed when the result is printed.
             let line = visible(&format!("  {stage:<24} {:>10}   {result}", duration(time)));
             let _ = writeln!(std::io::stdout().lock(), "{line}");
@@ -134,14 +141,18 @@ impl Stages for Console {
 }
 
 /// A time with a unit that suits it.
-fn duration(time: Duration) -> String {
+pub(crate) fn duration(time: Duration) -> String {
     let seconds = time.as_secs_f64();
     if seconds < 1e-3 {
         format!("{:.1} us", 1e6 * seconds)
     } else if seconds < 1.0 {
         format!("{:.1} ms", 1e3 * seconds)
-    } else {
+    } else if seconds < 100.0 {
         format!("{seconds:.2} s")
+    } else if seconds < 6000.0 {
+        format!("{:.1} min", seconds / 60.0)
+    } else {
+        format!("{:.1} h", seconds / 3600.0)
     }
 }
 

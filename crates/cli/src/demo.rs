@@ -2,16 +2,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use pliant::{
-    BindOptions, Bounds, Iterations, Method, Picture, PictureOptions, Propagation, Scene, Schedule, Stages, StartFrom,
-    Study, SweepPlan, SweepReport, SweepRow, SweepSize, TriMesh, render, strip, sweep, timed, trim_alike, write,
-    write_png,
+    BindOptions, Bounds, Iterations, Method, Model, Picture, PictureOptions, Propagation, Scene, Schedule, Stages,
+    StartFrom, Study, SweepPlan, SweepReport, SweepRow, SweepSize, TriMesh, render, strip, sweep, timed, trim_alike,
+    write, write_png,
 };
 use serde::Serialize;
 
-use crate::args::DemoOptions;
+use crate::args::{DEFAULT_FORMATS, DemoOptions};
 use crate::console::{Console, StageTime, print_json};
 use crate::edit::handle_list;
-use crate::model::Model;
 use crate::sweep::write_reports;
 
 /// What `pliant demo --json` prints.
@@ -61,7 +60,7 @@ pub(crate) fn run(options: &DemoOptions) -> Result<()> {
     console.say("")?;
     console.say("The same edit at several cage sizes, two iterations from a standing start:")?;
     let report = small_sweep(&model, &scene, &console)?;
-    files.extend(write_reports(&out.join("sweep"), &report)?);
+    files.extend(write_reports(&out.join("sweep"), &DEFAULT_FORMATS, &report)?);
     if options.json {
         let files = files.iter().map(|f| f.display().to_string()).collect();
         return print_json(&DemoResult { edit: &row, sweep: &report, files, stages: console.stages() });
@@ -95,12 +94,16 @@ fn write_meshes(out: &Path, meshes: &[(&str, &TriMesh)], console: &Console) -> R
 /// A picture of each mesh, all seen by one camera, and one of all side by side.
 fn draw(out: &Path, meshes: &[(&str, &TriMesh)], console: &Console) -> Result<Vec<PathBuf>> {
     let points: Vec<_> = meshes.iter().flat_map(|(_, mesh)| [mesh.bounds().min, mesh.bounds().max]).collect();
-    let framing = Some(Bounds::of(&points));
+    let framing = Bounds::of(&points).corners();
     let work = |_: &dyn pliant::Progress| -> Result<Vec<PathBuf>> {
         let mut small = Vec::new();
         let mut paths = Vec::new();
         for (name, mesh) in meshes {
-            let options = PictureOptions { wireframe: name.starts_with("cage"), framing, ..PictureOptions::default() };
+            let options = PictureOptions {
+                wireframe: name.starts_with("cage"),
+                framing: framing.to_vec(),
+                ..PictureOptions::default()
+            };
             paths.push(out.join(format!("{name}.png")));
             write_png(&paths[paths.len() - 1], &render(mesh, &options)?)?;
             small.push(render(mesh, &PictureOptions { width: 640, height: 480, ..options })?);

@@ -2,14 +2,14 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use pliant::{
-    BindOptions, Document, Editor, Method, PictureOptions, Propagation, Prune, Scene, Schedule, Study, SweepRow,
+    BindOptions, Document, Editor, Method, Model, PictureOptions, Propagation, Prune, Scene, Schedule, Study, SweepRow,
     TriMesh, can_write, can_write_mesh, edge_errors, render, timed, write, write_png,
 };
 use serde::Serialize;
 
 use crate::args::EditOptions;
 use crate::console::{Console, StageTime, print_json};
-use crate::model::Model;
+use crate::model::check_outputs;
 
 /// What `pliant edit --json` prints: the row a sweep would have, and the files.
 #[derive(Serialize)]
@@ -32,10 +32,10 @@ pub(crate) fn run(options: &EditOptions) -> Result<()> {
     let model = Model::open(&options.model, &console)?;
     let outputs = std::iter::once(options.output.as_path()).chain(options.picture.as_deref());
     if let Some(document) = &options.document {
-        model.check_outputs(outputs, document.to_str())?;
+        check_outputs(&model, outputs, document.to_str())?;
         return replay(options, document, &model, &console);
     }
-    model.check_outputs(outputs, options.scene.as_deref())?;
+    check_outputs(&model, outputs, options.scene.as_deref())?;
     let scene = model.scene(options.scene.as_deref())?;
 
     let study = Study::new(model.name.clone(), &model.mesh, &scene)?;
@@ -110,7 +110,7 @@ fn replay(options: &EditOptions, path: &Path, model: &Model, console: &Console) 
     let done = document.steps.len().saturating_sub(document.undone);
     let work = |progress: &dyn pliant::Progress| Editor::replay(&document, model.mesh.clone(), progress);
     let (editor, _) = timed(console, "replay", work, |_| format!("{} steps, {} undone", done, document.undone))
-        .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))?;
+        .with_context(|| path.display().to_string())?;
     write_all(options, &model.mesh.with_positions(editor.positions().to_vec())?, console)?;
     let errors = edge_errors(model.mesh.topology(), &model.mesh.positions, editor.positions());
     if options.json {

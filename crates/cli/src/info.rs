@@ -1,10 +1,9 @@
 use anyhow::Result;
-use pliant::{ReadReport, count};
+use pliant::{Model, ReadReport, count};
 use serde::Serialize;
 
 use crate::args::InfoOptions;
 use crate::console::{Console, print_json};
-use crate::model::Model;
 
 /// What there is to say of a mesh.
 #[derive(Serialize)]

@@ -1,95 +1,259 @@
+//! `pliant sweep`: flags and plan files become jobs, jobs become rows, rows a report.
+
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use anyhow::Result;
-use pliant::{Detail, PAPER_SCENE, Scene, Stages, SweepPlan, SweepReport, can_write, paper_sizes, sweep, write_atomic};
+use anyhow::{Context, Result};
+use pliant::{
+    Detail, FormatError, JobFolder, JobList, ReportFormat, RowDone, Stages, SweepError, SweepJobs, SweepReport,
+    SweepSpec, can_write, merge_jobs, write_atomic,
+};
 
-use crate::args::{Preset, SweepOptions};
-use crate::console::Console;
-use crate::edit::method;
-use crate::model::Model;
+use crate::args::{MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart};
+use crate::console::{Console, duration, print_json};
+use crate::exit::{Ending, Misuse};
+use crate::model::is_same_file;
 
-pub(crate) fn run(options: &SweepOptions) -> Result<()> {
-    if let Some(prefix) = &options.output {
-        for (path, kind) in files(prefix) {
-            can_write(&path, &[kind])?;
+pub(crate) fn run(command: &SweepCommand) -> Result<Ending> {
+    match &command.part {
+        None => whole(command),
+        Some(SweepPart::Plan(options)) => plan(options).map(|()| Ending::Done),
+        Some(SweepPart::Run(options)) => run_part(options),
+        Some(SweepPart::Merge(options)) => merge_parts(options),
+    }
+}
+
+/// All at once.
+fn whole(command: &SweepCommand) -> Result<Ending> {
+    let spec = spec(&command.spec)?;
+    let jobs = spec.jobs()?;
+    check_outputs(&command.output, Some(&spec))?;
+    let mut folder = None;
+    if let Some(prefix) = &command.output.output {
+        let path = with_extension(prefix, "jobs");
+        if command.fresh && path.exists() {
+            std::fs::remove_dir_all(&path).with_context(|| format!("{}: cannot be emptied", path.display()))?;
+        }
+        folder = Some(JobFolder::create(&path, &JobList::of(&jobs))?);
+    }
+    let console = Console::quiet(command.output.json);
+    let mut teller = Teller::new(&console);
+    let report = jobs.report(folder.as_ref(), &console as &dyn Stages, &mut |row| teller.tell(row))?;
+    if let (found @ 1.., Some(prefix)) = (teller.found, &command.output.output) {
+        let path = with_extension(prefix, "jobs");
+        console.say(&format!("{found} rows were finished before ({}); --fresh makes them anew", path.display()))?;
+    }
+    publish(report, &command.output, &console)
+}
+
+fn plan(options: &PlanOptions) -> Result<()> {
+    let list = JobList::of(&spec(&options.spec)?.jobs()?);
+    if options.json {
+        return print_json(&list);
+    }
+    let console = Console::quiet(false);
+    for job in &list.jobs {
+        console.say(&format!("{:>4}  {}  {}, scene {}, {}", job.index, job.id, job.model, job.scene, job.asked))?;
+    }
+    list.refused.iter().for_each(|refused| console.warn(&format!("{}: {}", refused.model, refused.reason)));
+    list.notes.iter().for_each(|note| console.warn(note));
+    Ok(())
+}
+
+fn run_part(options: &RunOptions) -> Result<Ending> {
+    let jobs = spec(&options.spec)?.jobs()?;
+    let chosen = chosen(options, &jobs)?;
+    let folder = JobFolder::create(&options.dir, &JobList::of(&jobs))?;
+    let console = Console::quiet(options.json);
+    jobs.refused.iter().for_each(|refused| console.warn(&format!("{}: {}", refused.model, refused.reason)));
+    let mut teller = Teller::new(&console);
+    let results = jobs.run(&chosen, Some(&folder), &console as &dyn Stages, &mut |row| teller.tell(row))?;
+    if options.json {
+        print_json(&results.iter().map(|result| &result.row).collect::<Vec<_>>())?;
+    } else {
+        console.say(&format!("{} of {} jobs are in {}", results.len(), jobs.jobs.len(), options.dir.display()))?;
+    }
+    // A part may well have nothing to do.
+    Ok(if results.is_empty() { Ending::Done } else { Ending::of_rows(results.iter().map(|result| &result.row)) })
+}
+
+/// Numbers of the jobs that are asked for.
+fn chosen(options: &RunOptions, jobs: &SweepJobs) -> Result<Vec<usize>, SweepError> {
+    if let Some(shard) = &options.shard {
+        let bad = || SweepError::Value {
+            what: "shard",
+            found: shard.clone(),
+            message: "use I/N, as 1/4 for the first of four, or slurm".to_owned(),
+        };
+        let (part, count) = if shard == SLURM {
+            let step = array("SLURM_ARRAY_TASK_STEP").unwrap_or(1).max(1);
+            let place = array(TASK)?.saturating_sub(array("SLURM_ARRAY_TASK_MIN")?) / step;
+            (place + 1, array("SLURM_ARRAY_TASK_COUNT")?)
+        } else {
+            let (part, count) = shard.split_once('/').ok_or_else(bad)?;
+            (part.parse().map_err(|_| bad())?, count.parse().map_err(|_| bad())?)
+        };
+        return jobs.shard(part, count);
+    }
+    if options.job.is_empty() {
+        return Ok((0..jobs.jobs.len()).collect());
+    }
+    let number = |asked: &String| match asked.as_str() {
+        SLURM => jobs.job(&array(TASK)?.to_string()),
+        asked => jobs.job(asked),
+    };
+    options.job.iter().map(number).collect()
+}
+
+/// The word for what Slurm says in the environment.
+const SLURM: &str = "slurm";
+
+/// Slurm's index in an array of jobs.
+const TASK: &str = "SLURM_ARRAY_TASK_ID";
+
+fn array(variable: &'static str) -> Result<usize, SweepError> {
+    std::env::var(variable).ok().and_then(|text| text.parse().ok()).ok_or(SweepError::NoArray { variable })
+}
+
+fn merge_parts(options: &MergeOptions) -> Result<Ending> {
+    check_outputs(&options.output, None)?;
+    let report = merge_jobs(&options.dirs, options.partial)?;
+    publish(report, &options.output, &Console::quiet(options.output.json))
+}
+
+/// The plan file with the flags in place of what it says.
+fn spec(options: &SpecOptions) -> Result<SweepSpec, SweepError> {
+    let mut spec = match &options.plan {
+        Some(path) => SweepSpec::read(path)?,
+        None => SweepSpec::default(),
+    };
+    let texts = |values: Vec<String>, list: &mut Vec<String>| {
+        if !values.is_empty() {
+            *list = values;
+        }
+    };
+    if !options.models.is_empty() {
+        // Models that are typed are all that is meant.
+        spec.models.clone_from(&options.models);
+        spec.cases.clear();
+    }
+    texts(options.scene.clone(), &mut spec.scenes);
+    texts(options.sizes.clone(), &mut spec.sizes);
+    texts(options.methods.iter().map(ToString::to_string).collect(), &mut spec.methods);
+    texts(options.propagation.iter().map(ToString::to_string).collect(), &mut spec.propagation);
+    texts(options.prune.iter().map(ToString::to_string).collect(), &mut spec.prune);
+    texts(options.iterations.iter().map(ToString::to_string).collect(), &mut spec.iterations);
+    spec.preset = options.preset.or(spec.preset);
+    spec.steps = options.steps.map(|n| n as usize).or(spec.steps);
+    spec.start = options.start.map(|start| start.to_string()).or(spec.start);
+    spec.refine = options.refine.map(|n| n as usize).or(spec.refine);
+    spec.repeats = options.repeats.map(|n| n as usize).or(spec.repeats);
+    spec.camera = options.camera.map(|view| view.to_string()).or(spec.camera);
+    spec.pictures = options.no_pictures.then_some(false).or(spec.pictures);
+    spec.equal_time = options.equal_time.then_some(true).or(spec.equal_time);
+    spec.reference = options.no_reference.then_some(false).or(spec.reference);
+    Ok(spec)
+}
+
+/// Refuses to write over a model or a scene.
+fn check_inputs(spec: &SweepSpec, output: &Path) -> Result<()> {
+    let cases = spec.cases.iter().flat_map(|case| std::iter::once(&case.model).chain(&case.scenes));
+    for input in spec.models.iter().chain(&spec.scenes).chain(cases) {
+        if is_same_file(Path::new(input), output) {
+            let message =
+                format!("{}: this is a model or a scene of the sweep; write to another file", output.display());
+            return Err(Misuse(message).into());
         }
     }
-    let console = Console::new(options.json);
-    let model = Model::open(&options.model, &console)?;
-    if let Some(prefix) = &options.output {
-        let outputs = files(prefix).map(|(path, _)| path);
-        model.check_outputs(outputs.iter().map(PathBuf::as_path), options.scene.as_deref())?;
-    }
-    let (scene, plan, mut notes) = plan(options, &model)?;
-    let mut report = sweep(&model.name, &model.mesh, &scene, &plan, &console as &dyn Stages)?;
-    notes.extend(model.notes());
-    report.notes.append(&mut notes);
+    Ok(())
+}
 
-    let mut written = Vec::new();
-    if let Some(prefix) = &options.output {
-        written = write_reports(prefix, &report)?;
+/// Tells each row as it is done, and how long the others will take.
+pub(crate) struct Teller<'a> {
+    console: &'a Console,
+    begun: Instant,
+    /// Rows made in this run, and found from an earlier one.
+    made: usize,
+    found: usize,
+}
+
+impl<'a> Teller<'a> {
+    pub(crate) fn new(console: &'a Console) -> Self {
+        Self { console, begun: Instant::now(), made: 0, found: 0 }
     }
-    if options.json {
+
+    pub(crate) fn tell(&mut self, done: RowDone<'_>) {
+        let row = done.row;
+        if done.found {
+            self.found += 1;
+            return;
+        }
+        self.made += 1;
+        let figures = match &row.failure {
+            Some(failure) => failure.reason.clone(),
+            None => format!("RMS {:.2} %, edit {}", 1e2 * row.rms_relative, milliseconds(row.edit_ms())),
+        };
+        let each = self.begun.elapsed().as_secs_f64() / self.made as f64;
+        let left = Duration::from_secs_f64(each * (done.total - done.done) as f64);
+        let left = if done.done < done.total { format!("; {} left", duration(left)) } else { String::new() };
+        let width = done.total.to_string().len();
+        // A closed pipe is noticed when the result is printed.
+        let _ = self.console.say(&format!("[{:>width$}/{}] {}: {figures}{left}", done.done, done.total, row.key()));
+    }
+}
+
+fn milliseconds(ms: f64) -> String {
+    if ms.is_finite() { duration(Duration::from_secs_f64(ms.max(0.0) / 1e3)) } else { "-".to_owned() }
+}
+
+/// Writes the files that were asked for, and prints.
+fn publish(mut report: SweepReport, output: &OutputOptions, console: &Console) -> Result<Ending> {
+    report.knees = output.knee.iter().flat_map(|&target| report.find_knees(target)).collect();
+    let written = match &output.output {
+        Some(prefix) => write_reports(prefix, &output.formats, &report)?,
+        None => Vec::new(),
+    };
+    if output.json {
         use std::io::Write;
         writeln!(std::io::stdout().lock(), "{}", report.to_json())?;
-        return Ok(());
+        return Ok(Ending::of_rows(report.rows.iter()));
     }
     console.say("")?;
     console.say(&report.to_markdown(Detail::Main))?;
     for path in written {
         console.say(&format!("wrote {}", path.display()))?;
     }
+    Ok(Ending::of_rows(report.rows.iter()))
+}
+
+/// Refuses what cannot be written, before anything is computed.
+fn check_outputs(output: &OutputOptions, spec: Option<&SweepSpec>) -> Result<()> {
+    let Some(prefix) = &output.output else { return Ok(()) };
+    for format in &output.formats {
+        if !format.is_built() {
+            return Err(FormatError::NotBuilt { format: *format }.into());
+        }
+    }
+    make_folder_of(prefix)?;
+    for format in &output.formats {
+        let path = with_extension(prefix, format.extension());
+        let kind = format.extension().rsplit('.').next().unwrap_or_default();
+        can_write(&path, &[kind])?;
+        if let Some(spec) = spec {
+            check_inputs(spec, &path)?;
+        }
+    }
     Ok(())
 }
 
-/// Scene and rows that were asked for, and what to say about them.
-fn plan(options: &SweepOptions, model: &Model) -> Result<(Scene, SweepPlan, Vec<String>)> {
-    let mut notes = Vec::new();
-    if options.preset == Some(Preset::Paper) {
-        let vertices = model.mesh.vertex_count();
-        let mut plan = SweepPlan::paper(vertices);
-        // Typed methods replace the paper's.
-        if !options.methods.is_empty() {
-            plan.methods.clone_from(&options.methods);
+/// Makes the folder that files with this prefix lie in.
+pub(crate) fn make_folder_of(prefix: &Path) -> Result<()> {
+    match prefix.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => {
+            std::fs::create_dir_all(folder).with_context(|| format!("{}: the folder cannot be made", folder.display()))
         }
-        notes.extend(paper_sizes(vertices).note());
-        let scene = match &options.scene {
-            Some(scene) => model.scene(Some(scene))?,
-            None => {
-                let papers = Scene::builtin(PAPER_SCENE)?;
-                match papers.resolve(&model.mesh) {
-                    Ok(_) => papers,
-                    Err(error) => {
-                        let own = model.scene(None)?;
-                        notes.push(format!(
-                            "The paper's scene does not fit this model ({error}); scene {} is used.",
-                            own.name
-                        ));
-                        own
-                    }
-                }
-            }
-        };
-        return Ok((scene, plan, notes));
+        _ => Ok(()),
     }
-    let scene = model.scene(options.scene.as_deref())?;
-    let plan = SweepPlan {
-        sizes: options.sizes.clone(),
-        propagations: options.propagation.clone(),
-        bindings: options.prune.clone(),
-        methods: if options.methods.is_empty() { vec![method(None, &scene)] } else { options.methods.clone() },
-        iterations: options.iterations.clone(),
-        steps: options.steps as usize,
-        start: options.start,
-        reference: options.reference,
-        ..SweepPlan::default()
-    };
-    Ok((scene, plan, notes))
-}
-
-/// The files of a report and their extensions.
-fn files(prefix: &Path) -> [(PathBuf, &'static str); 4] {
-    with_extensions(prefix, ["json", "csv", "md", "svg"])
 }
 
 /// A prefix with each extension.
@@ -97,26 +261,23 @@ pub(crate) fn with_extensions<const N: usize>(
     prefix: &Path,
     extensions: [&'static str; N],
 ) -> [(PathBuf, &'static str); N] {
-    extensions.map(|extension| {
-        // Appended, so that a dot in the prefix is kept.
-        let mut name = prefix.as_os_str().to_owned();
-        name.push(".");
-        name.push(extension);
-        (name.into(), extension)
-    })
+    extensions.map(|extension| (with_extension(prefix, extension), extension))
 }
 
-/// Writes a report in all its forms.
-pub(crate) fn write_reports(prefix: &Path, report: &SweepReport) -> Result<Vec<PathBuf>> {
+/// A prefix with an extension: appended, so that a dot in the prefix is kept.
+fn with_extension(prefix: &Path, extension: &str) -> PathBuf {
+    let mut name = prefix.as_os_str().to_owned();
+    name.push(".");
+    name.push(extension);
+    name.into()
+}
+
+/// Writes a report in some forms.
+pub(crate) fn write_reports(prefix: &Path, formats: &[ReportFormat], report: &SweepReport) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
-    for (path, kind) in files(prefix) {
-        let text = match kind {
-            "json" => report.to_json(),
-            "csv" => report.to_csv(),
-            "md" => report.to_markdown(Detail::Full),
-            _ => report.to_svg(),
-        };
-        write_atomic(&path, text.as_bytes())?;
+    for format in formats {
+        let path = with_extension(prefix, format.extension());
+        write_atomic(&path, &report.to_bytes(*format)?)?;
         written.push(path);
     }
     Ok(written)

@@ -2,8 +2,8 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use crate::FileError;
 use crate::source::refuse_irregular;
+use crate::{FileError, WRITE};
 
 /// Writes a file so that at any moment, even after a power cut, it is either the old one or the new one, complete.
 ///
@@ -15,13 +15,13 @@ use crate::source::refuse_irregular;
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let target = Target::of(path)?;
     let system = |action, source| FileError::System { path: path.to_owned(), action, source };
-    let mut temporary = target.temporary().map_err(|e| system("write", e))?;
-    temporary.write_all(bytes).map_err(|e| system("write", e))?;
+    let mut temporary = target.temporary().map_err(|e| system(WRITE, e))?;
+    temporary.write_all(bytes).map_err(|e| system(WRITE, e))?;
     if let Some(permissions) = target.permissions {
-        temporary.as_file().set_permissions(permissions).map_err(|e| system("write", e))?;
+        temporary.as_file().set_permissions(permissions).map_err(|e| system(WRITE, e))?;
     }
-    temporary.as_file().sync_all().map_err(|e| system("write", e))?;
-    temporary.persist(&target.path).map_err(|e| system("write", e.error))?;
+    temporary.as_file().sync_all().map_err(|e| system(WRITE, e))?;
+    temporary.persist(&target.path).map_err(|e| system(WRITE, e.error))?;
     // The new name lives in the folder, which has to reach the disk as well. Some systems cannot synchronise a folder;
     // the file itself is safe by now.
     if let Ok(folder) = File::open(&target.folder) {
@@ -39,7 +39,7 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
 /// What [`write_atomic`] would say.
 pub fn probe(path: &Path) -> Result<(), FileError> {
     let probe = Target::of(path)?.temporary();
-    probe.map(drop).map_err(|source| FileError::System { path: path.to_owned(), action: "write", source })
+    probe.map(drop).map_err(|source| FileError::System { path: path.to_owned(), action: WRITE, source })
 }
 
 /// Where a file will stand.
@@ -52,12 +52,13 @@ struct Target {
 
 impl Target {
     fn of(path: &Path) -> Result<Self, FileError> {
-        let system = |source| FileError::System { path: path.to_owned(), action: "write", source };
+        let system = |source| FileError::System { path: path.to_owned(), action: WRITE, source };
+        let refused = |reason: String| FileError::Refused { path: path.to_owned(), action: WRITE, reason };
         let (target, permissions) = match fs::metadata(path) {
             Ok(there) => {
-                refuse_irregular(path, there.file_type())?;
+                refuse_irregular(path, WRITE, there.file_type())?;
                 if there.permissions().readonly() {
-                    return Err(FileError::Refused { path: path.to_owned(), reason: "is write-protected".to_owned() });
+                    return Err(refused("is write-protected".to_owned()));
                 }
                 (path.canonicalize().map_err(system)?, Some(there.permissions()))
             }
@@ -65,15 +66,14 @@ impl Target {
             Err(e) => return Err(system(e)),
         };
         if target.file_name().is_none() {
-            return Err(FileError::Refused { path: path.to_owned(), reason: "is not the name of a file".to_owned() });
+            return Err(refused("is not the name of a file".to_owned()));
         }
         let folder = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
             _ => PathBuf::from("."),
         };
         if !folder.is_dir() {
-            let reason = format!("the folder {} does not exist", folder.display());
-            return Err(FileError::Refused { path: path.to_owned(), reason });
+            return Err(refused(format!("the folder {} does not exist", folder.display())));
         }
         Ok(Self { path: target, folder, permissions })
     }

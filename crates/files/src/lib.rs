@@ -32,7 +32,20 @@ pub enum FileError {
     Refused {
         /// The path.
         path: PathBuf,
+        /// What was tried, "read" or "write".
+        action: &'static str,
         /// Why.
         reason: String,
     },
 }
+
+impl FileError {
+    /// Whether a file was to be written, and not read.
+    pub fn is_writing(&self) -> bool {
+        matches!(self, Self::System { action: WRITE, .. } | Self::Refused { action: WRITE, .. })
+    }
+}
+
+/// The verb of what failed.
+pub(crate) const READ: &str = "read";
+pub(crate) const WRITE: &str = "write";

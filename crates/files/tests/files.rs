@@ -33,6 +33,9 @@ fn pipes_and_devices_are_refused_at_once() {
         for refusal in refusals {
             assert!(refusal.ends_with("only regular files are read and written"), "{refusal}");
         }
+        let writing = |result: Result<(), FileError>| result.err().map(|error| error.is_writing());
+        assert_eq!(writing(read_regular(path, u64::MAX).map(drop)), Some(false));
+        assert_eq!(writing(write_atomic(path, b"x")), Some(true));
     }
     assert_eq!(fs::read_dir(folder.path()).expect("ours").count(), 1, "nothing but the pipe");
 }

@@ -30,6 +30,14 @@ impl Bounds {
         self.max - self.min
     }
 
+    /// Its eight corners; bit 0 of the index says whether x is the largest, bit 1 for y, bit 2 for z.
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|i| {
+            let largest = glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0);
+            DVec3::select(largest, self.max, self.min)
+        })
+    }
+
     /// Length of the diagonal: the unit in which distances are reported.
     pub fn diagonal(&self) -> f64 {
         self.size().length()

@@ -12,6 +12,7 @@ mod frames;
 pub mod metrics;
 mod normals;
 mod progress;
+pub mod ranges;
 mod rotation;
 pub mod select;
 pub mod shapes;

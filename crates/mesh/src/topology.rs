@@ -234,6 +234,15 @@ impl Topology {
         self.require_closed().is_ok()
     }
 
+    /// Whether faces run through every edge equally often in both directions, so that the mesh has no boundary even where more than two
+    /// faces meet at an edge, and encloses a volume.
+    pub fn is_cycle(&self) -> bool {
+        self.edges.iter().enumerate().all(|(e, &[a, b])| {
+            let faces = self.edge_faces(e);
+            2 * faces.iter().filter(|f| self.runs_forward(**f, a, b)).count() == faces.len()
+        })
+    }
+
     /// Number of edges with more than two faces.
     pub fn non_manifold_edge_count(&self) -> usize {
         (0..self.edges.len()).filter(|&e| self.edge_faces(e).len() > 2).count()

@@ -22,8 +22,9 @@ pub use pliant_io::{
 };
 pub use pliant_linalg as linalg;
 pub use pliant_mesh::metrics::{
-    EdgeErrors, SurfaceDistance, distances_to_surface, edge_errors, edge_errors_at_vertices, flipped_faces,
-    largest_free_stretch, rms_distance, signed_volume, surface_distance, volume_change,
+    EdgeErrors, HausdorffDistance, HausdorffOptions, IntersectionOptions, OneSidedDistance, SelfIntersections,
+    SurfaceDistance, area_change, distances_to_surface, edge_errors, edge_errors_at_vertices, flipped_faces, hausdorff,
+    largest_free_stretch, rms_distance, self_intersections, signed_volume, surface_distance, volume_change,
 };
 pub use pliant_mesh::shapes::creature;
 pub use pliant_mesh::{
@@ -32,15 +33,18 @@ pub use pliant_mesh::{
     shapes, vertex_normals,
 };
 pub use pliant_session::{
-    Autosave, Carried, CoarseStart, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Grip,
-    Levels, NoRoom, Ranges, RefineReport, Refinement, SessionError, SurfacePoint, Update, carry_region,
+    Autosave, Carried, CoarseStart, Document, DocumentHandle, DocumentStep, Editor, EditorHandle, EditorOptions, Frame,
+    Grip, Levels, NoRoom, Ranges, RefineReport, Refinement, SessionError, SurfacePoint, Update, carry_region,
 };
 pub use pliant_study::{
-    Bound, Caged, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail, Dragged, Failure, FailureKind,
-    FormatError, ImplicitRow, Iterations, Knee, KneeSize, KneeTarget, Machine, Made, ModelInfo, NO_CAGE, PAPER_SCENE,
-    PICTURE_WORST, Refusal, ReportError, ReportFormat, ResolvedScene, RowKey, RowMaker, RowTimes, SUMMARY_BYTES, Scene,
-    SceneError, Schedule, Setting, Spread, Stages, StartFrom, Study, StudyError, SweepPlan, SweepReport, SweepRow,
-    SweepSize, Timing, TimingPlan, compare, count, equal_time_vertices, paper_sizes, sweep, time_stages, timed,
+    Bound, Caged, Calibration, Change, ChangeKind, Checked, ComparePlan, Compared, Comparison, DEFAULT_METHODS, Detail,
+    Dragged, Failure, FailureKind, FormatError, GateError, GateReport, ImplicitRow, Iterations, JobEntry, JobFolder,
+    JobList, JobResult, Knee, KneeSize, KneeTarget, Machine, Made, Model, ModelError, ModelInfo, NO_CAGE, PAPER_SCENE,
+    PICTURE_WORST, Places, Preset, Refusal, ReportError, ReportFormat, Rerun, RerunOptions, ResolvedScene, RowDone,
+    RowKey, RowMaker, RowTimes, SUMMARY_BYTES, Scene, SceneError, Schedule, Setting, Spread, Stages, StartFrom, Study,
+    StudyError, SweepCase, SweepError, SweepJob, SweepJobs, SweepPlan, SweepReport, SweepRow, SweepSize, SweepSpec,
+    Timing, TimingPlan, Tolerance, Tolerances, Unit, Verdict, calibrate, coloured, compare, compare_reports, count,
+    draw_pose, equal_time_vertices, merge_jobs, paper_sizes, read_report, sweep, time_stages, timed, usual_view,
 };
 
 /// The vector types of positions and transforms.

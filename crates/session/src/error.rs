@@ -37,13 +37,13 @@ pub enum SessionError {
     /// There is no step to refine.
     #[error("nothing to refine: release a step first, and refine it before anything else is done")]
     NothingToRefine,
-    /// A handle cannot go to the cage: all of its vertices there belong to other handles.
-    #[error("the cage of {vertices} vertices has none left for handle {handle}; a larger cage has")]
-    NoRoom {
+    /// A hard handle holds vertices outside the region, which may not move.
+    #[error("handle {handle} is to move vertex {vertex}, which is outside the region")]
+    OutsideRegion {
         /// The handle.
         handle: u32,
-        /// Vertices of the cage.
-        vertices: usize,
+        /// The first such vertex.
+        vertex: u32,
     },
     /// A document is of another mesh.
     #[error("the document was made for another mesh ({expected}), this one is ({found})")]

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use pliant_mesh::ranges::differing;
 
 /// The two position arrays that an edit changes.
 pub(crate) struct State<'a> {
@@ -27,10 +28,8 @@ struct Stretch {
 impl Stretch {
     /// What `before` has where it differs from `after`, from the first such place to the last.
     fn of(before: &[DVec3], after: &[DVec3]) -> Self {
-        let differs = |i: &usize| before[*i].to_array().map(f64::to_bits) != after[*i].to_array().map(f64::to_bits);
-        let first = (0..before.len()).find(differs).unwrap_or(0);
-        let end = (first..before.len()).rev().find(differs).map_or(first, |last| last + 1);
-        Self { first, positions: before[first..end].to_vec() }
+        let range = differing(before, after, |a, b| a.to_array().map(f64::to_bits) != b.to_array().map(f64::to_bits));
+        Self { first: range.start, positions: before[range].to_vec() }
     }
 
     fn swap(&mut self, positions: &mut [DVec3]) {
@@ -41,8 +40,8 @@ impl Stretch {
         size_of_val(&self.positions[..])
     }
 
-    /// What the earlier of two steps would hold if they were one; `between` is the state between them.
-    fn joined(&self, later: &Self, between: &[DVec3]) -> Self {
+    /// What the earlier of two steps would hold if they were one; `after` is the state after both.
+    fn joined(&self, later: &Self, after: &[DVec3]) -> Self {
         if later.positions.is_empty() {
             return self.clone();
         }
@@ -51,7 +50,8 @@ impl Stretch {
         }
         let first = self.first.min(later.first);
         let end = (self.first + self.positions.len()).max(later.first + later.positions.len());
-        let mut positions = between[first..end].to_vec();
+        let mut positions = after[first..end].to_vec();
+        positions[later.first - first..][..later.positions.len()].copy_from_slice(&later.positions);
         positions[self.first - first..][..self.positions.len()].copy_from_slice(&self.positions);
         Self { first, positions }
     }
@@ -102,7 +102,7 @@ impl History {
     /// Makes what goes from `before`, the state after the last step, to `after` part of that step.
     pub(crate) fn amend(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
         self.append(before, after);
-        self.join_last(before);
+        self.join_last(after);
         self.drop_oldest();
     }
 
@@ -125,15 +125,15 @@ impl History {
         self.dropped += oldest;
     }
 
-    /// Makes one step of the last two, of which `between` is the state between them. `false` if there are not two.
-    pub(crate) fn join_last(&mut self, between: [&[DVec3]; 2]) -> bool {
+    /// Makes one step of the last two; `now` is the state after them. `false` if there are not two.
+    pub(crate) fn join_last(&mut self, now: [&[DVec3]; 2]) -> bool {
         if self.redoable() > 0 || self.done < 2 {
             return false;
         }
         let (Some(later), Some(earlier)) = (self.entries.pop(), self.entries.last_mut()) else { return false };
         let earlier = Arc::make_mut(earlier);
-        earlier.shape = earlier.shape.joined(&later.shape, between[0]);
-        earlier.pose = earlier.pose.joined(&later.pose, between[1]);
+        earlier.shape = earlier.shape.joined(&later.shape, now[0]);
+        earlier.pose = earlier.pose.joined(&later.pose, now[1]);
         self.done -= 1;
         true
     }
@@ -200,7 +200,7 @@ mod tests {
                     let next = (moved(&shape, step), moved(&pose, step));
                     history.push([&shape, &pose], [&next.0, &next.1]);
                     states.truncate(at + 1);
-                    if kind == 3 && at > 0 && history.join_last([&shape, &pose]) {
+                    if kind == 3 && at > 0 && history.join_last([&next.0, &next.1]) {
                         states.truncate(at);
                         at -= 1;
                     }

@@ -1,19 +1,48 @@
 //! Handles exactly on their goals, the difference fading into the surroundings.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::ops::{ControlFlow, Range};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use pliant_mesh::Topology;
+use pliant_mesh::ranges::widen;
+use pliant_mesh::select::EdgeWalk;
+
+/// A position in the precision it is stored in; what is computed with it is in double precision.
+pub(crate) trait Place: Copy + Send + Sync {
+    fn double(self) -> DVec3;
+
+    fn rounded(place: DVec3) -> Self;
+}
+
+impl Place for DVec3 {
+    fn double(self) -> DVec3 {
+        self
+    }
+
+    fn rounded(place: DVec3) -> Self {
+        place
+    }
+}
+
+impl Place for Vec3 {
+    fn double(self) -> DVec3 {
+        self.as_dvec3()
+    }
+
+    fn rounded(place: DVec3) -> Self {
+        place.as_vec3()
+    }
+}
 
 /// What a vertex near a handle takes over of what the handle's vertices are moved by.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Fade {
     /// The vertices that are set, in the order of their targets.
-    sources: Vec<u32>,
+    pub(crate) sources: Vec<u32>,
     /// Vertex, place of its nearest source, and its share of the source's displacement, 0 to 1.
     followers: Vec<(u32, u32, f64)>,
-    moved: Vec<DVec3>,
+    /// For each source, itself and its followers, from the first to the last.
+    pub(crate) reach: Vec<Range<usize>>,
 }
 
 impl Fade {
@@ -27,48 +56,43 @@ impl Fade {
         radius: f64,
         may_move: impl Fn(u32) -> bool,
     ) -> Self {
-        // Non-negative floats order like their bits; ties go to the lower vertex.
-        let mut nearest = vec![(f64::INFINITY, u32::MAX); positions.len()];
-        let mut heap = BinaryHeap::new();
-        for (place, &v) in (0..).zip(&sources) {
-            nearest[v as usize] = (0.0, place);
-            heap.push(Reverse((0u64, v)));
-        }
         let mut followers = Vec::new();
-        while let Some(Reverse((bits, v))) = heap.pop() {
-            let (here, place) = nearest[v as usize];
-            if f64::from_bits(bits) > here {
-                continue;
+        let mut reach: Vec<Range<usize>> = sources.iter().map(|&v| v as usize..v as usize + 1).collect();
+        let mut walk = EdgeWalk::new(positions.len());
+        walk.visit(topology, positions, sources.iter().copied(), radius, may_move, |v, distance, place| {
+            if distance > 0.0 {
+                followers.push((v, place, smooth_step(1.0 - distance / radius)));
+                widen(&mut reach[place as usize], &(v as usize..v as usize + 1));
             }
-            if here > 0.0 {
-                let t = 1.0 - here / radius;
-                followers.push((v, place, t * t * (3.0 - 2.0 * t)));
-            }
-            for &w in topology.neighbours(v as usize) {
-                let there = here + positions[v as usize].distance(positions[w as usize]);
-                if there < radius && there < nearest[w as usize].0 && may_move(w) {
-                    nearest[w as usize] = (there, place);
-                    heap.push(Reverse((there.to_bits(), w)));
-                }
-            }
-        }
+            ControlFlow::Continue(())
+        });
         followers.sort_unstable_by_key(|f| f.0);
-        Self { moved: vec![DVec3::ZERO; sources.len()], sources, followers }
+        Self { sources, followers, reach }
     }
 
-    /// Puts the sources on their targets and moves the followers along; returns the largest distance a source was moved.
-    pub(crate) fn apply(&mut self, targets: &[DVec3], points: &mut [DVec3]) -> f64 {
+    /// Puts the sources on their targets and moves the followers along; returns the largest distance a source was moved. `moved` is memory
+    /// that is kept.
+    pub(crate) fn apply<P: Place>(&self, targets: &[DVec3], moved: &mut Vec<DVec3>, points: &mut [P]) -> f64 {
         let mut largest: f64 = 0.0;
-        for ((&v, target), moved) in self.sources.iter().zip(targets).zip(&mut self.moved) {
-            *moved = *target - points[v as usize];
-            points[v as usize] = *target;
-            largest = largest.max(moved.length_squared());
+        moved.clear();
+        for (&v, target) in self.sources.iter().zip(targets) {
+            let step = *target - points[v as usize].double();
+            points[v as usize] = P::rounded(*target);
+            largest = largest.max(step.length_squared());
+            moved.push(step);
         }
         for &(v, place, share) in &self.followers {
-            points[v as usize] += share * self.moved[place as usize];
+            let point = &mut points[v as usize];
+            *point = P::rounded(point.double() + share * moved[place as usize]);
         }
         largest.sqrt()
     }
+}
+
+/// From 0 to 1 as `t` does, level at both ends; 1 beyond.
+fn smooth_step(t: f64) -> f64 {
+    let t = t.min(1.0);
+    t * t * (3.0 - 2.0 * t)
 }
 
 /// For each vertex of a region how much of a motion it takes: 1 inside, falling smoothly to 0 at vertices outside, within `width` along
@@ -79,32 +103,19 @@ pub(crate) fn inner_shares(
     inside: impl Fn(u32) -> bool,
     width: f64,
 ) -> Vec<f64> {
-    let n = positions.len();
-    let mut distance: Vec<f64> = (0..n as u32).map(|v| if inside(v) { f64::INFINITY } else { 0.0 }).collect();
-    if distance.iter().all(|d| *d > 0.0) {
+    let n = positions.len() as u32;
+    let mut shares: Vec<f64> = (0..n).map(|v| f64::from(u8::from(inside(v)))).collect();
+    let on_border = |v: &u32| !inside(*v) && topology.neighbours(*v as usize).iter().any(|&w| inside(w));
+    let mut outside = (0..n).filter(|v| !inside(*v)).peekable();
+    if outside.peek().is_none() {
         return Vec::new();
     }
-    let mut heap: BinaryHeap<Reverse<(u64, u32)>> = BinaryHeap::new();
-    let on_border = |v: &u32| !inside(*v) && topology.neighbours(*v as usize).iter().any(|&w| inside(w));
-    heap.extend((0..n as u32).filter(on_border).map(|v| Reverse((0, v))));
-    while let Some(Reverse((bits, v))) = heap.pop() {
-        let here = f64::from_bits(bits);
-        if here > distance[v as usize] {
-            continue;
-        }
-        for &w in topology.neighbours(v as usize) {
-            let there = here + positions[v as usize].distance(positions[w as usize]);
-            if there < width && there < distance[w as usize] {
-                distance[w as usize] = there;
-                heap.push(Reverse((there.to_bits(), w)));
-            }
-        }
-    }
-    let share = |d: f64| {
-        let t = (d / width).min(1.0);
-        t * t * (3.0 - 2.0 * t)
-    };
-    distance.into_iter().map(share).collect()
+    let mut walk = EdgeWalk::new(positions.len());
+    walk.visit(topology, positions, outside.filter(on_border), width, &inside, |v, distance, _| {
+        shares[v as usize] = smooth_step(distance / width);
+        ControlFlow::Continue(())
+    });
+    shares
 }
 
 #[cfg(test)]
@@ -117,10 +128,10 @@ mod tests {
     fn sources_land_and_the_rest_follows_less_with_distance() {
         let grid = shapes::plane_grid(30, 30, 3.0, 3.0).expect("valid");
         let centre = pliant_mesh::select::nearest_vertex(&grid.positions, DVec3::ZERO).expect("vertices");
-        let mut fade = Fade::new(grid.topology(), &grid.positions, vec![centre], 0.8, |_| true);
+        let fade = Fade::new(grid.topology(), &grid.positions, vec![centre], 0.8, |_| true);
         let mut points = grid.positions.clone();
         let target = points[centre as usize] + DVec3::Z;
-        assert_eq!(fade.apply(&[target], &mut points), 1.0);
+        assert_eq!(fade.apply(&[target], &mut Vec::new(), &mut points), 1.0);
         assert_eq!(points[centre as usize], target);
         for (p, x) in points.iter().zip(&grid.positions) {
             let (lift, far) = (p.z - x.z, x.distance(grid.positions[centre as usize]));

@@ -1,5 +1,7 @@
 use pliant_cage::CageError;
 use pliant_deform::{DeformError, HandleFault};
+use pliant_io::picture::PictureError;
+use pliant_mesh::MeshError;
 use thiserror::Error;
 
 use crate::SceneError;
@@ -26,6 +28,12 @@ pub enum StudyError {
         /// What is wrong with it.
         fault: HandleFault,
     },
+    /// Positions are not those of a shape's vertices.
+    #[error("this pose cannot be drawn: {0}")]
+    Pose(MeshError),
+    /// A picture cannot be drawn as asked.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
     /// A cage is too small for the scene.
     #[error("a cage of {vertices} vertices has no vertex left for handle '{handle}'; ask for a larger cage")]
     NoRoom {
@@ -33,6 +41,12 @@ pub enum StudyError {
         handle: String,
         /// Vertices of the cage.
         vertices: usize,
+    },
+    /// Pliant is at fault.
+    #[error("{reason}")]
+    Internal {
+        /// What is known of it.
+        reason: String,
     },
     /// A cage size could not be read.
     #[error(
@@ -81,8 +95,11 @@ pub enum StudyError {
 impl StudyError {
     /// Whose fault it is, and in what words.
     pub fn failure(&self) -> Failure {
-        let numeric = matches!(self, Self::Deform(error) if error.is_numeric());
-        let kind = if numeric { FailureKind::Numeric } else { FailureKind::Input };
+        let kind = match self {
+            Self::Internal { .. } => FailureKind::Internal,
+            Self::Deform(error) if error.is_numeric() => FailureKind::Numeric,
+            _ => FailureKind::Input,
+        };
         Failure { kind, reason: self.to_string() }
     }
 

@@ -5,7 +5,7 @@ use crate::report::Machine;
 impl Machine {
     /// This one, not calibrated.
     pub fn this() -> Self {
-        Self { cpu: cpu_name(), threads: rayon::current_num_threads(), calibration_ms: None }
+        Self { cpu: cpu_name(), threads: rayon::current_num_threads(), calibration: None }
     }
 }
 

@@ -4,15 +4,17 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_cage::{Propagation, Propagator};
-use pliant_deform::{RefineOptions, Refiner};
 use pliant_mesh::TriMesh;
-use pliant_mesh::metrics::{edge_errors, flipped_faces, largest_free_stretch, rms_distance, volume_change};
+use pliant_mesh::metrics::{
+    HausdorffOptions, IntersectionOptions, area_change, edge_errors, flipped_faces, hausdorff, largest_free_stretch,
+    rms_distance, self_intersections, surface_distance, volume_change,
+};
 
+use crate::SweepRow;
 use crate::pipeline::{Bound, Caged, Dragged, Study, count, median};
 use crate::report::{RowTimes, Spread, p95};
 use crate::settings::{Setting, SweepSize};
-use crate::stages::{Stages, milliseconds, repeated};
-use crate::{StudyError, SweepRow};
+use crate::stages::{Stages, milliseconds};
 
 impl Study<'_> {
     /// Carries a pose of the control mesh to the shape, and measures it. Where a decimated mesh was deformed in place of the shape, the pose
@@ -103,7 +105,15 @@ impl Study<'_> {
         let missed = labels.iter().enumerate().filter(|(_, label)| **label > 0).map(|(v, &label)| {
             goals.get(label as usize - 1).map_or(0.0, |goal| pose[v].distance(goal.apply(rest.positions[v])))
         });
+        let crossings = self_intersections(topology, pose, &IntersectionOptions::default());
+        let mut warnings = row.warnings;
+        if !crossings.complete {
+            warnings.push("faces pass through each other in so many places that they were not all counted".to_owned());
+        }
         SweepRow {
+            warnings,
+            intersecting_faces: Some(crossings.pairs() as usize),
+            area_change: Some(area_change(topology, &rest.positions, pose)).filter(|change| change.is_finite()),
             volume_change: volume_change(topology, &rest.positions, pose),
             flipped_faces: Some(flipped_faces(topology, &rest.positions, pose)),
             max_free_stretch: largest_free_stretch(topology, &rest.positions, pose, |v| labels[v as usize]),
@@ -116,49 +126,37 @@ impl Study<'_> {
     /// Fills in the distances to the converged pose, if that is known.
     fn compare_with_converged(&self, caged: &Caged, decimated: bool, pose: &[DVec3], row: SweepRow) -> SweepRow {
         let Some(converged) = &self.converged else { return row };
-        let distance = match &caged.simplified {
+        let (distance, hausdorff) = match &caged.simplified {
             Some(made) if decimated => {
                 let places: Vec<DVec3> = made.origin.iter().map(|&v| converged[v as usize]).collect();
-                rms_distance(pose, &places)
+                (rms_distance(pose, &places), self.hausdorff_between(&caged.mesh, pose, converged))
             }
-            _ => rms_distance(pose, converged),
+            _ => {
+                let apart = hausdorff(self.shape.topology(), pose, converged, &HausdorffOptions::default());
+                (rms_distance(pose, converged), Some(apart.max()))
+            }
         };
-        SweepRow { distance_to_converged: Some(distance * self.scale()), ..row }
+        SweepRow {
+            distance_to_converged: Some(distance * self.scale()),
+            hausdorff_to_converged: hausdorff.map(|distance| distance * self.scale()),
+            ..row
+        }
     }
 
-    /// Refines a pose of the shape at full resolution, and adds what came of it to its row.
-    ///
-    /// # Errors
-    /// As [`Refiner::prepare`] and [`Refiner::step`].
-    pub fn refine(&self, pose: &[DVec3], row: &mut SweepRow, stages: &dyn Stages) -> Result<Vec<DVec3>, StudyError> {
-        let mut warnings = Vec::new();
-        let region = Self::joined(&self.region()?, self.shape, &mut warnings);
-        let work = |_: &dyn pliant_mesh::Progress| {
-            let mut refined = pose.to_vec();
-            let mut refiner = Refiner::prepare(self.shape, &region, &RefineOptions::default())?;
-            refiner.begin(&self.scene.goals_with_turns(1.0), pose)?;
-            for _ in 0..self.refine_steps {
-                if refiner.step()?.settled {
-                    break;
-                }
-            }
-            refiner.positions(&mut refined)?;
-            Ok(refined)
-        };
-        let described = |_: &Vec<DVec3>| format!("{} steps at full resolution", self.refine_steps);
-        let (refined, times) =
-            repeated(self.repeats, stages, "refine", work, described).map_err(|error| self.named(error))?;
-        row.times.refine_ms = Spread::of(&times);
-        row.refine_steps = Some(self.refine_steps);
-        let rest = &self.shape.positions;
-        row.refined_rms_relative = Some(edge_errors(self.shape.topology(), rest, &refined).rms_relative);
-        row.refined_distance_to_converged =
-            self.converged.as_ref().map(|converged| rms_distance(&refined, converged) * self.scale());
-        Ok(refined)
+    /// The larger distance of a vertex of either to the surface of the other, of a decimated mesh and the shape: they have no topology
+    /// in common.
+    fn hausdorff_between(&self, decimated: &TriMesh, pose: &[DVec3], converged: &[DVec3]) -> Option<f64> {
+        let [posed, shape] = [(decimated, pose), (self.shape, converged)].map(|(mesh, pose)| {
+            // A pose that is not finite is no surface.
+            mesh.with_positions(pose.to_vec()).ok()
+        });
+        let (posed, shape) = (posed?, shape?);
+        let there = surface_distance(pose, &shape).max;
+        Some(there.max(surface_distance(converged, &posed).max))
     }
 
     /// 1 over the diagonal of the shape's bounding box.
-    fn scale(&self) -> f64 {
+    pub(crate) fn scale(&self) -> f64 {
         self.shape.bounds().normal_frame().1
     }
 

@@ -95,21 +95,6 @@ impl<'a> Study<'a> {
         Ok(Self { shape, model: model.into(), scene, labels, converged: None, repeats: 1, refine_steps: 0 })
     }
 
-    /// Finds the pose that [`crate::SweepRow::distance_to_converged`] is measured from: as-rigid-as-possible deformation without a cage, default
-    /// options, taken to the goals in [`CONVERGED_STEPS`] steps and iterated there until it converges. Rows made before have none.
-    ///
-    /// Takes as long as hundreds of iterations at full resolution.
-    ///
-    /// # Errors
-    /// As [`Self::drag`].
-    pub fn find_converged(&mut self, stages: &dyn Stages) -> Result<(), StudyError> {
-        let schedule =
-            Schedule { steps: CONVERGED_STEPS, iterations: Iterations::Converged, start: StartFrom::default() };
-        let direct = self.cage(SweepSize::None, stages)?;
-        self.converged = Some(self.drag(&direct, &Method::default(), schedule, stages)?.pose);
-        Ok(())
-    }
-
     /// Handles of the scene: name, and vertices on the shape.
     pub fn handles(&self) -> impl Iterator<Item = (&str, usize)> {
         self.scene.handles.iter().map(|h| (h.name.as_str(), h.vertices.len()))
@@ -120,22 +105,23 @@ impl<'a> Study<'a> {
     /// # Errors
     /// The size is out of range, or two handles would have to share a cage vertex.
     pub fn cage(&self, size: SweepSize, stages: &dyn Stages) -> Result<Caged, StudyError> {
-        self.cage_for(size, Iterations::Count(2), stages)
+        let schedule = Schedule { steps: 1, iterations: Iterations::Count(2), start: StartFrom::default() };
+        self.cage_for(size, schedule, stages)
     }
 
-    /// As [`Self::cage`]; a mesh of [`SweepSize::EqualTime`] is for so many iterations.
+    /// As [`Self::cage`]; a mesh of [`SweepSize::EqualTime`] is for such a schedule.
     pub(crate) fn cage_for(
         &self,
         size: SweepSize,
-        iterations: Iterations,
+        schedule: Schedule,
         stages: &dyn Stages,
     ) -> Result<Caged, StudyError> {
-        let region = self.region()?;
+        let region = self.region_of_scene()?;
         let mut warnings = Vec::new();
         let (cage_size, decimated) = match size {
             SweepSize::Cage(size) => (size, false),
             SweepSize::Decimated(size) => (size, true),
-            SweepSize::EqualTime(size) => (CageSize::Vertices(self.equal_time(size, iterations)?), true),
+            SweepSize::EqualTime(size) => (CageSize::Vertices(self.equal_time(size, schedule)?), true),
             SweepSize::None => {
                 let (mesh, region) = (self.shape.clone(), Self::joined(&region, self.shape, &mut warnings));
                 let (simplified, simplify_ms, levels) = (None, Vec::new(), Levels::default());
@@ -174,7 +160,7 @@ impl<'a> Study<'a> {
     }
 
     /// Vertices of the decimated mesh that takes as long as a cage of some size.
-    fn equal_time(&self, size: CageSize, iterations: Iterations) -> Result<usize, StudyError> {
+    fn equal_time(&self, size: CageSize, schedule: Schedule) -> Result<usize, StudyError> {
         let shape = self.shape.vertex_count();
         let cage = match size {
             CageSize::Vertices(n) => n,
@@ -182,20 +168,22 @@ impl<'a> Study<'a> {
             // Only the simplifier knows how many vertices keep within a distance.
             CageSize::Error(_) => simplify(self.shape, &size.into(), &Silent)?.report.reached,
         };
-        let iterations = match iterations {
+        let iterations = match schedule.iterations {
             Iterations::Count(n) => n,
             Iterations::Converged => USUAL_ITERATIONS,
         };
-        Ok(equal_time_vertices(shape, cage, iterations))
+        // In many steps the goals are near.
+        let from_levels = schedule.start == StartFrom::Levels && schedule.steps <= FAR_STEPS;
+        Ok(equal_time_vertices(shape, cage, iterations, from_levels))
     }
 
     /// The handles of the scene on the shape.
-    pub(crate) fn region(&self) -> Result<Region, StudyError> {
+    pub(crate) fn region_of_scene(&self) -> Result<Region, DeformError> {
         let n = self.shape.vertex_count();
         let handles: Vec<Handle> = (1..=self.scene.handles.len() as u32)
             .map(|own| Handle::hard(VertexSet::where_true(n, |v| self.labels[v as usize] == own)))
             .collect();
-        Ok(Region::new(n, &VertexSet::all(n), &handles)?)
+        Region::new(n, &VertexSet::all(n), &handles)
     }
 
     /// The region without what is joined to no handle on the control mesh, which stays where it is; said in a warning.
@@ -337,8 +325,8 @@ impl<'a> Study<'a> {
     }
 }
 
-/// Steps in which the pose that results are compared with is reached: none of them turns a handle by half a turn before five full ones.
-pub const CONVERGED_STEPS: usize = 10;
+/// In more steps than this goals are reckoned to be near.
+const FAR_STEPS: usize = 5;
 
 /// Iterations that one which ends by itself is reckoned to take.
 const USUAL_ITERATIONS: u32 = 100;

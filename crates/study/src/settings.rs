@@ -29,14 +29,20 @@ pub enum SweepSize {
 /// creatures of 25,000 to 1,000,000 vertices with cages of 1 to 10 %.
 const ITERATION_OVER_WEIGHT: f64 = 98.0;
 
+/// What starting from coarser cages costs where the goals are far, in iterations on the cage.
+const LEVELS_ITERATIONS: f64 = 8.0;
+
 /// Weights a row that propagation is reckoned with: those of the default binding.
 const WEIGHTS: f64 = 16.0;
 
 /// Vertices of a decimated mesh on which `iterations` take as long as they do on a cage of `cage` vertices together with propagation to
-/// a shape of `shape` vertices. Reckoned from counts, not from the clock, so that it is the same everywhere; never above `shape`.
-pub fn equal_time_vertices(shape: usize, cage: usize, iterations: u32) -> usize {
-    let propagation = shape as f64 * WEIGHTS / (ITERATION_OVER_WEIGHT * f64::from(iterations.max(1)));
-    ((cage as f64 + propagation).round() as usize).min(shape)
+/// a shape of `shape` vertices, and with the start from coarser cages if there is one. Reckoned from counts, not from the clock, so that
+/// it is the same everywhere; never above `shape`.
+pub fn equal_time_vertices(shape: usize, cage: usize, iterations: u32, from_levels: bool) -> usize {
+    let iterations = f64::from(iterations.max(1));
+    let start = if from_levels { LEVELS_ITERATIONS } else { 0.0 };
+    let propagation = shape as f64 * WEIGHTS / ITERATION_OVER_WEIGHT;
+    (((cage as f64 * (iterations + start) + propagation) / iterations).round() as usize).min(shape)
 }
 
 impl fmt::Display for SweepSize {

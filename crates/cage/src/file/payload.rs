@@ -109,6 +109,7 @@ fn write_options(options: &BindOptions, writer: &mut Writer) {
     writer.u32(match support {
         Support::Surface => 0,
         Support::Space => 1,
+        Support::Rings => 2,
     });
     writer.u32(u32::from(exact));
     writer.count(smoothing);
@@ -129,6 +130,7 @@ fn read_options(reader: &mut Reader<'_>) -> Result<BindOptions, BindingFault> {
     let support = match reader.u32("support")? {
         0 => Support::Surface,
         1 => Support::Space,
+        2 => Support::Rings,
         found => return Err(BindingFault::Value { what: "support", found: found.to_string() }),
     };
     let exact = read_bool(reader, "exact")?;

@@ -3,22 +3,6 @@ use pliant_mesh::{Bounds, TriMesh};
 
 use super::{PictureError, PictureOptions};
 
-/// Where the camera stands and which way is up.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
-    /// Direction from the mesh to the camera; any length but 0.
-    pub from: DVec3,
-    /// Direction that points up in the picture; another one is taken if it is along `from`.
-    pub up: DVec3,
-}
-
-impl Default for View {
-    /// From the front (+z), somewhat from the right (+x) and from above, with y up.
-    fn default() -> Self {
-        Self { from: DVec3::new(0.55, 0.28, 1.0), up: DVec3::Y }
-    }
-}
-
 /// Share of the picture's width and height left free on each side.
 const MARGIN: f64 = 0.04;
 
@@ -44,11 +28,10 @@ impl Camera {
         let right = sideways(options.view.up, towards);
         let up = towards.cross(right);
         let size = [options.width, options.height].map(|n| f64::from(n) * f64::from(options.supersampling));
-        let points = match options.framing {
-            None => mesh.positions.clone(),
-            Some(bounds) if bounds.min.is_finite() && bounds.max.is_finite() => box_corners(&bounds),
-            Some(bounds) => return Err(PictureError::bad("framing", "finite", format!("{bounds:?}"))),
-        };
+        let points = if options.framing.is_empty() { &mesh.positions } else { &options.framing };
+        if let Some(point) = options.framing.iter().find(|point| !point.is_finite()) {
+            return Err(PictureError::bad("framing", "finite", point));
+        }
         // The box of all points along the camera's own axes; taken round one of them, so that a mesh far from the
         // origin loses no digits.
         let anchor = points.first().copied().unwrap_or_default();
@@ -84,16 +67,4 @@ fn sideways(up: DVec3, towards: DVec3) -> DVec3 {
     let candidates = [up.normalize_or_zero(), DVec3::Z, DVec3::X];
     let across = candidates.iter().map(|u| u.cross(towards)).find(|r| r.length() > 1e-6);
     across.map_or(towards.any_orthonormal_vector(), DVec3::normalize)
-}
-
-fn box_corners(bounds: &Bounds) -> Vec<DVec3> {
-    let pick = |bit: usize, low: f64, high: f64| if bit == 0 { low } else { high };
-    let corner = |i: usize| {
-        DVec3::new(
-            pick(i & 1, bounds.min.x, bounds.max.x),
-            pick(i & 2, bounds.min.y, bounds.max.y),
-            pick(i & 4, bounds.min.z, bounds.max.z),
-        )
-    };
-    (0..8).map(corner).collect()
 }

@@ -15,24 +15,26 @@
 mod camera;
 mod colour;
 mod occlusion;
+mod png_file;
 mod raster;
 mod shade;
 mod sheet;
 mod strip;
 mod text;
+mod view;
 
 use std::fmt;
 use std::path::Path;
 
 use glam::DVec3;
-use pliant_mesh::{Bounds, TriMesh};
+use pliant_mesh::TriMesh;
 use thiserror::Error;
 
 use crate::{FileError, IoError, write_atomic};
-pub use camera::View;
 pub use colour::colour_map;
 pub use sheet::{SheetCell, SheetRow, contact_sheet};
 pub use strip::{strip, trim_alike};
+pub use view::View;
 
 /// What to draw a mesh like.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,9 +53,9 @@ pub struct PictureOptions {
     pub background: [u8; 3],
     /// Samples along each side of a pixel, 1 to 8; 2 or 3 make smooth outlines. Default: 3.
     pub supersampling: u32,
-    /// What the picture has to hold. Pictures of the same size, view and framing share one camera, so what stayed in
-    /// place is in the same pixels. None (the default) frames the mesh itself, tightly.
-    pub framing: Option<Bounds>,
+    /// Points that the picture has to hold, with as little round them as can be. Pictures of the same size, view and framing share one
+    /// camera, so what stayed in place is in the same pixels. Default: none, for the mesh's own.
+    pub framing: Vec<DVec3>,
 }
 
 impl Default for PictureOptions {
@@ -66,7 +68,7 @@ impl Default for PictureOptions {
             colour: [214, 173, 140],
             background: [255, 255, 255],
             supersampling: 3,
-            framing: None,
+            framing: Vec::new(),
         }
     }
 }
@@ -186,28 +188,6 @@ impl Picture {
         let start = 3 * (row as usize * self.width as usize + column as usize);
         [self.rgb[start], self.rgb[start + 1], self.rgb[start + 2]]
     }
-
-    /// The bytes of a PNG file.
-    ///
-    /// # Errors
-    /// The picture has no pixels, or not as many as its size says.
-    pub fn to_png(&self) -> Result<Vec<u8>, PictureError> {
-        let expected = 3 * u64::from(self.width) * u64::from(self.height);
-        if expected == 0 || self.rgb.len() as u64 != expected {
-            let found = format!("{} bytes for {} x {}", self.rgb.len(), self.width, self.height);
-            return Err(PictureError::bad("content", "three bytes for each of its pixels", found));
-        }
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        encoder
-            .write_header()
-            .and_then(|mut writer| writer.write_image_data(&self.rgb).and_then(|()| writer.finish()))
-            .map_err(|e| PictureError::bad("content", "a PNG image", e))?;
-        Ok(bytes)
-    }
 }
 
 /// Writes a picture as a PNG file, complete or not at all.
@@ -216,6 +196,10 @@ impl Picture {
 /// Another extension than png, a picture that is no picture ([`Picture::to_png`]), or the system's answer.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), IoError> {
     crate::format::check_extension(path, &["png"], "write")?;
-    let bytes = picture.to_png().map_err(|e| FileError::Refused { path: path.to_owned(), reason: e.to_string() })?;
+    let bytes = picture.to_png().map_err(|e| FileError::Refused {
+        path: path.to_owned(),
+        action: "write",
+        reason: e.to_string(),
+    })?;
     Ok(write_atomic(path, &bytes)?)
 }

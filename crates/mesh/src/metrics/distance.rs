@@ -2,7 +2,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::FaceTree;
+use super::{FaceTree, largest};
 use crate::TriMesh;
 
 /// One-sided distance from points to a surface, in units of the model.
@@ -20,18 +20,20 @@ pub fn distances_to_surface(points: &[DVec3], surface: &TriMesh) -> Vec<f64> {
     points.par_iter().map(|p| tree.nearest(*p).map_or(f64::INFINITY, |(_, distance)| distance)).collect()
 }
 
-/// Root mean square and largest distance of the points to `surface`; 0 without points.
+/// Root mean square and largest distance of the points to `surface`; 0 without points, NaN if one of them is not a number.
 pub fn surface_distance(points: &[DVec3], surface: &TriMesh) -> SurfaceDistance {
     let distances = distances_to_surface(points, surface);
     let square: f64 = distances.iter().map(|d| d * d).sum();
-    SurfaceDistance {
-        rms: (square / distances.len().max(1) as f64).sqrt(),
-        max: distances.into_iter().fold(0.0, f64::max),
-    }
+    SurfaceDistance { rms: (square / distances.len().max(1) as f64).sqrt(), max: largest(distances) }
 }
 
-/// Root mean square of the distances between the positions of the same vertex in two poses, in units of the model; 0 without vertices.
+/// Root mean square of the distances between the positions of the same vertex in two poses, in units of the model; 0 without vertices, NaN or
+/// infinite if a position is.
+///
+/// # Panics
+/// If the poses differ in their numbers of vertices.
 pub fn rms_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
+    assert_eq!(a.len(), b.len(), "poses of one mesh");
     let square: f64 = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum();
     (square / a.len().max(1) as f64).sqrt()
 }
@@ -104,6 +106,8 @@ mod tests {
         let pose = [DVec3::ONE + 3.0 * DVec3::X, 4.0 * DVec3::Z];
         assert!((rms_distance(&rest, &pose) - 12.5_f64.sqrt()).abs() < 1e-15);
         assert_eq!((rms_distance(&rest, &rest), rms_distance(&[], &[])), (0.0, 0.0));
+        assert!(rms_distance(&rest, &[DVec3::ONE, DVec3::NAN]).is_nan());
+        assert_eq!(rms_distance(&rest, &[DVec3::ONE, DVec3::INFINITY]), f64::INFINITY);
     }
 
     #[test]
@@ -113,5 +117,7 @@ mod tests {
         let distance = surface_distance(&points, &sphere);
         // A chord of the sphere of 4 subdivisions sags by less than 0.002.
         assert!(distance.rms >= 0.5 && distance.max < 0.502, "{distance:?}");
+        let with_none = [DVec3::NAN, points[0]];
+        assert!(surface_distance(&with_none, &sphere).max.is_nan() && surface_distance(&[], &sphere).max == 0.0);
     }
 }

@@ -1,11 +1,13 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::largest;
 use crate::Topology;
 
 /// How much edges changed length between a rest pose and another pose; all are fractions (0.05 is 5 %).
 ///
-/// Edges of length 0 at rest have no relative error: they are left out and counted.
+/// Edges of length 0 at rest have no relative error: they are left out and counted. An edge whose length in the pose is not a number makes
+/// the means and the largest error NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct EdgeErrors {
     /// `sqrt(mean ((l' - l) / l)^2)`: the headline.
@@ -62,19 +64,13 @@ pub fn edge_errors(topology: &Topology, rest: &[DVec3], pose: &[DVec3]) -> EdgeE
 /// The largest `l' / l` over the edges whose ends are alike: both inside one handle, or neither at a handle's border.
 ///
 /// `label` gives each vertex its part (handle, fixed or free). An edge between two parts spans a border, where the
-/// scene itself may ask for any stretch, so it is left out. 0 for a mesh without such edges.
+/// scene itself may ask for any stretch, so it is left out. 0 for a mesh without such edges, NaN if one has no length in the pose.
 pub fn largest_free_stretch(topology: &Topology, rest: &[DVec3], pose: &[DVec3], label: impl Fn(u32) -> u32) -> f64 {
-    let mut largest = 0.0_f64;
-    for &[a, b] in topology.edges() {
-        if label(a) == label(b) {
-            let (a, b) = (a as usize, b as usize);
-            let before = rest[a].distance(rest[b]);
-            if before > 0.0 {
-                largest = largest.max(pose[a].distance(pose[b]) / before);
-            }
-        }
-    }
-    largest
+    let alike = topology.edges().iter().filter(|[a, b]| label(*a) == label(*b)).map(|edge| edge.map(|v| v as usize));
+    largest(alike.filter_map(|[a, b]| {
+        let before = rest[a].distance(rest[b]);
+        (before > 0.0).then(|| pose[a].distance(pose[b]) / before)
+    }))
 }
 
 /// At each vertex, the mean relative length error `|l' - l| / l` of the edges there, a fraction; 0 where there is none with a rest length.
@@ -94,12 +90,6 @@ pub fn edge_errors_at_vertices(topology: &Topology, rest: &[DVec3], pose: &[DVec
         }
     }
     sums.into_iter().map(|(sum, count)| sum / f64::from(count.max(1))).collect()
-}
-
-/// Length of the longest edge; 0 without edges.
-pub(super) fn longest_edge(topology: &Topology, positions: &[DVec3]) -> f64 {
-    let length = |edge: &[u32; 2]| positions[edge[0] as usize].distance(positions[edge[1] as usize]);
-    topology.edges().iter().map(length).fold(0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -135,5 +125,17 @@ mod tests {
         for (found, expected) in found.iter().zip([0.3 + third, 0.3 + 0.1, third + 0.1]) {
             assert!((found - expected / 2.0).abs() < 1e-12, "{found}");
         }
+    }
+
+    #[test]
+    fn a_pose_that_is_not_finite_has_no_number_for_an_error() {
+        let mesh = shapes::icosphere(1);
+        let mut pose = mesh.positions.clone();
+        pose[3].x = f64::NAN;
+        let errors = edge_errors(mesh.topology(), &mesh.positions, &pose);
+        assert!([errors.rms_relative, errors.relative_rms, errors.max].iter().all(|figure| figure.is_nan()));
+        assert_eq!((errors.median, errors.degenerate), (0.0, 0));
+        assert!(largest_free_stretch(mesh.topology(), &mesh.positions, &pose, |_| 0).is_nan());
+        assert_eq!(largest_free_stretch(mesh.topology(), &mesh.positions, &pose, |v| u32::from(v == 3)), 1.0);
     }
 }

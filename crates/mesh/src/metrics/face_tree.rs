@@ -19,6 +19,15 @@ pub struct FaceTree {
     size: f64,
 }
 
+/// A face that is near a point.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Nearest {
+    pub(super) face: u32,
+    pub(super) distance: f64,
+    /// Whether no other is nearer, nor one of a lower number as near.
+    pub(super) is_proven: bool,
+}
+
 /// Some faces from left to right: where their splits and they themselves start, and how many they are.
 #[derive(Clone, Copy)]
 struct Part {
@@ -69,6 +78,11 @@ impl FaceTree {
     /// # Panics
     /// If there is no such face.
     pub fn nearest_from(&self, point: DVec3, start: Option<u32>) -> Option<(u32, f64)> {
+        self.nearest_within(point, start, usize::MAX).map(|found| (found.face, found.distance))
+    }
+
+    /// [`Self::nearest_from`], but with the nearest face so far once `parts` of the tree were looked at.
+    pub(super) fn nearest_within(&self, point: DVec3, start: Option<u32>, parts: usize) -> Option<Nearest> {
         let start = start.or(self.order.first().copied())?;
         let rounding = ROUNDING * (self.size + point.abs().max_element());
         // Beyond this, squared, no box holds a face that is as near.
@@ -76,10 +90,13 @@ impl FaceTree {
         let mut best = (self.square(point, start), start);
         let mut most = limit(best.0);
         let mut later = [(0.0, Part { split: 0, first: 0, count: 0 }); DEPTH];
-        let mut put_off = 0;
+        let (mut put_off, mut left) = (0, parts);
         let mut next = Some((0.0, Part { split: 0, first: 0, count: self.order.len() }));
-        while let Some((away, part)) = next {
+        while let Some((away, part)) = next
+            && left > 0
+        {
             next = None;
+            left -= 1;
             if away <= most && part.count == 1 {
                 let face = self.order[part.first];
                 let square = self.square(point, face);
@@ -102,7 +119,52 @@ impl FaceTree {
                 next = Some(later[put_off]);
             }
         }
-        Some((best.1, best.0.sqrt()))
+        Some(Nearest { face: best.1, distance: best.0.sqrt(), is_proven: next.is_none() })
+    }
+
+    /// What rounding may add to a distance between the faces and a point among them.
+    pub(super) fn rounding(&self) -> f64 {
+        ROUNDING * self.size
+    }
+
+    /// Faces from left to right: neighbours in the tree, and so about in space.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Corners of a face.
+    pub(super) fn corners(&self, face: u32) -> [DVec3; 3] {
+        self.corners[face as usize]
+    }
+
+    /// Calls `look` with every face right of `place` whose box meets, or touches, that of the face there; returns how many boxes
+    /// it was compared with.
+    pub(super) fn for_each_meeting(&self, place: usize, mut look: impl FnMut(u32)) -> u64 {
+        let own = Bounds::of(&self.corners[self.order[place] as usize]);
+        let is_right = |part: &Part| part.first + part.count > place + 1;
+        let all = Part { split: 0, first: 0, count: self.order.len() };
+        let mut later = [all; DEPTH];
+        let (mut put_off, mut compared) = (usize::from(is_right(&all)), 0);
+        while put_off > 0 {
+            put_off -= 1;
+            let part = later[put_off];
+            if part.count == 1 {
+                look(self.order[part.first]);
+                continue;
+            }
+            let [left, right] = part.halves();
+            let [near, far] = self.splits[part.split];
+            for (half, around) in [(right, far), (left, near)] {
+                if is_right(&half) {
+                    compared += 1;
+                    if own.min.cmple(around.max).all() && around.min.cmple(own.max).all() {
+                        later[put_off] = half;
+                        put_off += 1;
+                    }
+                }
+            }
+        }
+        compared
     }
 
     fn square(&self, point: DVec3, face: u32) -> f64 {
@@ -191,6 +253,14 @@ mod tests {
                 assert_eq!(tree.nearest(point), expected, "{name}, point {i}");
                 for start in [first, faces - 1, i as u32 % faces] {
                     assert_eq!(tree.nearest_from(point, Some(start)), expected, "{name}, point {i} from {start}");
+                    for parts in [0, 1, 5, 30, 200] {
+                        let found = tree.nearest_within(point, Some(start), parts).expect("a face");
+                        assert!(
+                            !found.is_proven || (found.face, found.distance) == (first, least.sqrt()),
+                            "{name}, {found:?}"
+                        );
+                        assert_eq!(found.distance, square(found.face).sqrt(), "{name}, point {i}");
+                    }
                 }
             }
             assert!(ties > 20 || faces == 1, "{name}: {ties} points have several nearest faces");

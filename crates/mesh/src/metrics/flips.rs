@@ -8,33 +8,50 @@ use crate::{Topology, best_rotation, outer};
 /// A face is flipped if its normal makes more than a right angle with its normal at rest, turned by the rotation that best takes the edges at
 /// its three corners from rest to the pose (least squares, every edge weighing by its length squared). So a similarity flips none, nor does
 /// a bend however far, and a face folded over onto its neighbours counts. Faces without area, at rest or in the pose, have no normal and
-/// do not. A surface that is mirrored as a whole has no face that differs from its neighbours: its volume tells
-/// ([`super::volume_change`]).
+/// do not. A face with a corner that is not finite does, so that no pose looks the better for it; edges to such a corner are left out of the
+/// fits. A surface that is mirrored as a whole has no face that differs from its neighbours: its volume tells ([`super::volume_change`]).
 ///
-/// Costs one small rotation fit a face.
+/// Meshes may be open or not manifold. Costs one small rotation fit a face; parallel.
 ///
 /// # Panics
 /// If a slice is shorter than the number of vertices.
 pub fn flipped_faces(topology: &Topology, rest: &[DVec3], pose: &[DVec3]) -> usize {
-    let size = super::edge_length::longest_edge(topology, rest).max(super::edge_length::longest_edge(topology, pose));
-    if !(size > 0.0 && size.is_finite()) {
-        return 0;
-    }
-    // In units of the longest edge, so that products of six lengths neither over- nor underflow.
-    let arm = |of: &[DVec3], from: u32, to: u32| (of[to as usize] - of[from as usize]) / size;
+    let (rest, pose) = (Arms::new(topology, rest), Arms::new(topology, pose));
+    let is_finite = |v: u32| rest.positions[v as usize].is_finite() && pose.positions[v as usize].is_finite();
     let covariances: Vec<DMat3> = (0..topology.vertex_count() as u32)
         .into_par_iter()
         .map(|v| {
-            let neighbours = topology.neighbours(v as usize).iter();
-            neighbours.map(|&j| outer(arm(pose, v, j), arm(rest, v, j))).fold(DMat3::ZERO, |sum, term| sum + term)
+            let neighbours = topology.neighbours(v as usize).iter().filter(|j| is_finite(**j));
+            neighbours.map(|&j| outer(pose.arm(v, j), rest.arm(v, j))).fold(DMat3::ZERO, |sum, term| sum + term)
         })
         .collect();
     let is_flipped = |&[a, b, c]: &[u32; 3]| {
-        let normal = |of: &[DVec3]| arm(of, a, b).cross(arm(of, a, c));
+        let normal = |of: &Arms| of.arm(a, b).cross(of.arm(a, c));
         let rotation = best_rotation([a, b, c].iter().fold(DMat3::ZERO, |sum, &v| sum + covariances[v as usize]));
-        normal(pose).dot(rotation * normal(rest)) < 0.0
+        normal(&pose).dot(rotation * normal(&rest)) < 0.0
     };
-    topology.triangles().par_iter().filter(|face| is_flipped(face)).count()
+    let counts = |face: &&[u32; 3]| face.iter().any(|v| !is_finite(*v)) || is_flipped(face);
+    topology.triangles().par_iter().filter(counts).count()
+}
+
+/// Edges of a pose in units of its longest, so that products of six lengths neither over- nor underflow.
+struct Arms<'a> {
+    positions: &'a [DVec3],
+    unit: f64,
+}
+
+impl<'a> Arms<'a> {
+    fn new(topology: &Topology, positions: &'a [DVec3]) -> Self {
+        // Along the axes, and halved: squares, and differences of large coordinates, may overflow.
+        let extent =
+            |&[a, b]: &[u32; 2]| (0.5 * positions[a as usize] - 0.5 * positions[b as usize]).abs().max_element();
+        let longest = topology.edges().iter().map(extent).filter(|e| e.is_finite()).fold(0.0, f64::max);
+        Self { positions, unit: if longest > 0.0 { longest } else { 1.0 } }
+    }
+
+    fn arm(&self, from: u32, to: u32) -> DVec3 {
+        self.positions[to as usize] / self.unit - self.positions[from as usize] / self.unit
+    }
 }
 
 #[cfg(test)]
@@ -99,5 +116,38 @@ mod tests {
             assert_eq!(flipped_faces(mesh.topology(), &mesh.positions, pose), 0);
             assert_eq!(flipped_faces(mesh.topology(), pose, &mesh.positions), 0);
         }
+    }
+
+    /// A vertex that is not finite spoils its own faces and no other; sizes near the ends of the range of numbers spoil nothing.
+    #[test]
+    fn faces_that_are_not_finite_count() {
+        let mesh = grid(9);
+        let v = 4 * 9 + 4;
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut pose = mesh.positions.clone();
+            pose[v].y = bad;
+            assert_eq!(flipped_faces(mesh.topology(), &mesh.positions, &pose), 6);
+            assert_eq!(flipped_faces(mesh.topology(), &pose, &mesh.positions), 6);
+            pose.fill(DVec3::splat(bad));
+            assert_eq!(flipped_faces(mesh.topology(), &mesh.positions, &pose), mesh.face_count());
+        }
+        let mut pose = mesh.positions.clone();
+        pose[v] += DVec3::new(0.6, 1.2, 0.0);
+        for scale in [1e-250, 1e-100, 1e200, 1e306] {
+            let scaled: Vec<DVec3> = pose.iter().map(|p| *p * scale).collect();
+            assert_eq!(flipped_faces(mesh.topology(), &mesh.positions, &scaled), 1, "{scale}");
+        }
+    }
+
+    /// Three fans of faces on one edge, one of which is folded back.
+    #[test]
+    fn meshes_need_not_be_manifold() {
+        let wing = |angle: f64| DVec3::new(angle.cos(), angle.sin(), 0.5);
+        let positions: Vec<DVec3> = [DVec3::ZERO, DVec3::Z].into_iter().chain([0.0, 2.0, 4.0].map(wing)).collect();
+        let mesh = TriMesh::new(positions, vec![[0, 1, 2], [0, 1, 3], [0, 1, 4]]).expect("valid indices");
+        assert_eq!(flipped_faces(mesh.topology(), &mesh.positions, &mesh.positions), 0);
+        let mut pose = mesh.positions.clone();
+        pose[4] = wing(4.0 - std::f64::consts::PI);
+        assert_eq!(flipped_faces(mesh.topology(), &mesh.positions, &pose), 1);
     }
 }

@@ -3,13 +3,14 @@
 //! | how | where |
 //! |---|---|
 //! | in space | [`in_box`], [`in_sphere`], [`in_half_space`], [`nearest_vertex`] |
-//! | along the surface | [`geodesic_ball`], [`water_fill`]; where a plane cuts it, [`plane_curves`] |
+//! | along the surface | [`geodesic_ball`], [`EdgeWalk`], [`water_fill`]; where a plane cuts it, [`plane_curves`] |
 //! | by rings and pieces of a set | [`grow`], [`shrink`], [`pieces`], [`piece_at`], [`border`], [`border_loops`] |
 //! | on the screen | [`ScreenCamera`], [`lasso`], [`screen_box`], [`RayCaster`] |
 //!
 //! Sets combine by [`VertexSet::union`] and its siblings. No result depends on the number of threads.
 
 mod camera;
+mod edge_walk;
 mod geodesic;
 mod pieces;
 mod plane;
@@ -20,6 +21,7 @@ mod space;
 mod water_fill;
 
 pub use camera::ScreenCamera;
+pub use edge_walk::EdgeWalk;
 pub use geodesic::geodesic_ball;
 pub use pieces::{border, border_loops, piece_at, pieces};
 pub use plane::{PlaneCurve, plane_curves};

@@ -1,10 +1,10 @@
 //! What a handle holds on the shape.
 
-use glam::DVec3;
 use pliant_deform::Constraint;
 use pliant_mesh::{Similarity, TriMesh, VertexSet};
 use serde::{Deserialize, Serialize};
 
+use super::rows::Corners;
 use crate::SessionError;
 
 /// A point of the surface: a face, and weights of its corners that sum to 1.
@@ -17,18 +17,9 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// Where it is on a pose.
-    pub(crate) fn place(&self, triangles: &[[u32; 3]], positions: &[DVec3]) -> DVec3 {
-        let corners = triangles[self.face as usize];
-        (0..3).map(|k| self.barycentric[k] * positions[corners[k] as usize]).sum()
-    }
-
-    /// The corners of its face, that with the largest weight first.
-    pub(crate) fn corners(&self, triangles: &[[u32; 3]]) -> [u32; 3] {
-        let corners = triangles[self.face as usize];
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| self.barycentric[b].total_cmp(&self.barycentric[a]).then(a.cmp(&b)));
-        order.map(|k: usize| corners[k])
+    /// By the corners of its face.
+    pub(crate) fn on(&self, triangles: &[[u32; 3]]) -> Corners {
+        Corners { vertices: triangles[self.face as usize], weights: self.barycentric }
     }
 }
 
@@ -45,6 +36,14 @@ impl Grip {
     /// One vertex.
     pub fn vertex(vertex: u32) -> Self {
         Self::Vertices(VertexSet::from_iter([vertex]))
+    }
+
+    /// The vertices it holds, if it is no point.
+    pub(crate) fn vertices(&self) -> Option<&VertexSet> {
+        match self {
+            Self::Vertices(vertices) => Some(vertices),
+            Self::Point(_) => None,
+        }
     }
 
     pub(crate) fn check(&self, mesh: &TriMesh) -> Result<(), SessionError> {

@@ -1,11 +1,14 @@
-//! From handles on the shape to what holds the cage and what is set on the shape.
+//! From handles on the shape to what holds the cage.
+
+use std::collections::HashSet;
 
 use glam::DVec3;
-use pliant_deform::{Constraint, DeformError, Goals, Handle, Method, PointRows, Region};
+use pliant_deform::{Constraint, DeformError, Goals, Handle, Method, PointRows, Region, Role};
 use pliant_mesh::VertexSet;
 
-use super::{Editor, EditorHandle, Grip, Pose};
-use crate::{NoRoom, SessionError, carry_region};
+use super::rows::{Corners, RowPoint};
+use super::{Editor, EditorHandle, Grip};
+use crate::SessionError;
 
 /// A handle with more vertices than this, none of them on the cage, is held by so many of them.
 const MOST_ROWS: usize = 64;
@@ -19,7 +22,7 @@ const WEIGHT_OF_MANY: f64 = 10.0;
 
 /// What the cage is held by.
 pub(crate) struct Held {
-    /// `None` if nothing of the cage is free.
+    /// `None` if nothing of the cage is free, or no handle has anything to do with it.
     pub(crate) region: Option<Region>,
     /// Places of the editor's handles that are among the region's, in their order.
     pub(crate) known: Vec<usize>,
@@ -29,99 +32,38 @@ pub(crate) struct Held {
     pub(crate) many: bool,
 }
 
-/// A point of the shape that the cage is held by.
-pub(crate) struct RowPoint {
-    /// Place of its handle.
-    pub(crate) handle: usize,
-    pub(crate) of: Corners,
-    /// The cage vertices it follows, and their weights.
-    row: Vec<(u32, f64)>,
-    pub(crate) goal: DVec3,
-    /// From where the row puts it to where the shape has it: what frames add to positions.
-    pub(crate) offset: DVec3,
-}
-
-/// A point of the shape by the corners of a face, or one vertex.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Corners {
-    vertices: [u32; 3],
-    weights: [f64; 3],
-}
-
-impl Corners {
-    fn vertex(vertex: u32) -> Self {
-        Self { vertices: [vertex; 3], weights: [1.0, 0.0, 0.0] }
-    }
-
-    pub(crate) fn place(&self, positions: &[DVec3]) -> DVec3 {
-        if self.weights[0] == 1.0 {
-            return positions[self.vertices[0] as usize];
-        }
-        (0..3).map(|k| self.weights[k] * positions[self.vertices[k] as usize]).sum()
-    }
-}
-
-impl RowPoint {
-    /// As before anything was shown: with the cage where the step began.
-    pub(crate) fn begin(&mut self, base: &Pose) {
-        self.offset = self.of.place(&base.shape) - self.on_cage(&base.cage);
-        self.goal = self.of.place(&base.shape);
-    }
-
-    pub(crate) fn on_cage(&self, cage: &[DVec3]) -> DVec3 {
-        self.row.iter().map(|&(j, weight)| weight * cage[j as usize]).sum()
-    }
-}
-
-/// What is set on the shape.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Target {
-    /// A vertex goes to the goal of itself.
-    Vertex(u32),
-    /// A corner of a point's face moves by what the point misses its goal by, over the weight of the corners that move.
-    Corner { vertex: u32, of: Corners, weight: f64, goal: DVec3 },
-}
-
-impl Target {
-    fn vertex(&self) -> u32 {
-        match self {
-            Self::Vertex(vertex) | Self::Corner { vertex, .. } => *vertex,
-        }
-    }
-}
-
 /// The handles on the cage: cage vertices that come from a handle's vertices are led by it, and a handle without one holds the cage by
-/// the rows of its points, so that these go where the handle does.
-pub(crate) fn on_cage(editor: &Editor, roi: &VertexSet) -> Result<Held, SessionError> {
+/// the rows of its points, so that these go where the handle does. For a method that takes no rows, the cage vertex that the middle of the handle
+/// went into stands in for it, or else the nearest of its ring that no other handle has; the rest of the way the shape goes alone.
+pub(crate) fn on_cage(editor: &Editor) -> Result<Held, SessionError> {
     let origin = &editor.simplified.origin;
     let n = origin.len();
-    let led = |at: usize| match vertices(&editor.handles[at]) {
-        Some(set) => VertexSet::where_true(n, |j| set.contains(origin[j as usize])),
-        None => VertexSet::default(),
-    };
-    let free = VertexSet::where_true(n, |j| roi.contains(origin[j as usize]));
+    let free = VertexSet::where_true(n, |j| editor.may_move(origin[j as usize]));
+    let mut led = led(editor, &free);
     let takes_rows = matches!(editor.options.method, Method::Arap(_));
+    let mut taken: HashSet<u32> = led.iter().flatten().copied().collect();
     let (mut known, mut handles, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     for (at, handle) in editor.handles.iter().enumerate() {
-        let led = led(at);
         let mut own = PointRows::new();
-        if led.is_empty() && takes_rows {
+        if led[at].is_empty() && takes_rows {
             for of in points(editor, handle) {
-                let row = row(editor, &of);
+                let point = RowPoint::new(at, of, &editor.bound.binding);
                 // A point that follows nothing that may move is only set on the shape.
-                if row.iter().any(|(j, _)| free.contains(*j)) {
-                    own.push(row.iter().copied());
-                    rows.push(RowPoint { handle: at, of, row, goal: DVec3::ZERO, offset: DVec3::ZERO });
+                if point.row.iter().any(|(j, _)| free.contains(*j)) {
+                    own.push(point.row.iter().copied());
+                    rows.push(point);
                 }
             }
+        } else if led[at].is_empty() {
+            let stand_in = stand_ins(editor, handle).into_iter().find(|j| free.contains(*j) && !taken.contains(j));
+            led[at].extend(stand_in);
+            taken.extend(stand_in);
         }
-        if !(led.is_empty() && own.is_empty()) {
+        if !(led[at].is_empty() && own.is_empty()) {
             known.push(at);
-            handles.push(Handle { vertices: led, rows: own, constraint: handle.constraint });
+            let vertices = led[at].iter().copied().collect();
+            handles.push(Handle { vertices, rows: own, constraint: handle.constraint });
         }
-    }
-    if !takes_rows && known.len() < editor.handles.len() {
-        return stood_in(editor, roi);
     }
     if free.is_empty() || handles.is_empty() {
         return Ok(Held { region: None, known: Vec::new(), rows: Vec::new(), many: false });
@@ -132,29 +74,32 @@ pub(crate) fn on_cage(editor: &Editor, roi: &VertexSet) -> Result<Held, SessionE
             handle.constraint = Constraint::Soft(WEIGHT_OF_MANY);
         }
     }
-    let region = Region::new(n, &free, &handles).map_err(|error| in_the_editors_order(error, &known))?;
+    let region = Region::new(n, &free, &handles).map_err(|error| named(error, |at| editor.handles[known[at]].id))?;
     let (region, _) = region.without_unconstrained(editor.simplified.mesh.topology());
     Ok(Held { region: Some(region), known, rows, many })
 }
 
-/// For methods that take no rows: the nearest free cage vertex stands for a handle that has none.
-fn stood_in(editor: &Editor, roi: &VertexSet) -> Result<Held, SessionError> {
-    let base = &editor.base;
-    let region = Region::new(editor.rest.vertex_count(), roi, &whole(editor)?)?;
-    let carried =
-        carry_region(&region, &editor.simplified.origin, &base.shape, &base.cage).map_err(|error| match error {
-            NoRoom::Handle(at) => {
-                SessionError::NoRoom { handle: editor.handles[at].id, vertices: editor.simplified.mesh.vertex_count() }
-            }
-            NoRoom::Region(error) => error.into(),
-        })?;
-    let (region, _) = carried.region.without_unconstrained(editor.simplified.mesh.topology());
-    Ok(Held { region: Some(region), known: (0..editor.handles.len()).collect(), rows: Vec::new(), many: false })
+/// For each handle, the free cage vertices that come from its vertices.
+fn led(editor: &Editor, free: &VertexSet) -> Vec<Vec<u32>> {
+    let mut owners = vec![u32::MAX; editor.rest.vertex_count()];
+    for (at, handle) in (0..).zip(&editor.handles) {
+        for v in handle.grip.vertices().into_iter().flat_map(VertexSet::iter) {
+            owners[v as usize] = at;
+        }
+    }
+    let mut led = vec![Vec::new(); editor.handles.len()];
+    for j in free.iter() {
+        if let Some(led) = led.get_mut(owners[editor.simplified.origin[j as usize] as usize] as usize) {
+            led.push(j);
+        }
+    }
+    led
 }
 
-fn in_the_editors_order(error: DeformError, known: &[usize]) -> DeformError {
+/// An error of a region or a solve, its handle by the number it has in the editor.
+pub(crate) fn named(error: DeformError, id: impl Fn(usize) -> u32) -> DeformError {
     match error {
-        DeformError::Handle { handle, fault } => DeformError::Handle { handle: known[handle], fault },
+        DeformError::Handle { handle, fault } => DeformError::Handle { handle: id(handle) as usize, fault },
         other => other,
     }
 }
@@ -166,98 +111,85 @@ fn points(editor: &Editor, handle: &EditorHandle) -> Vec<Corners> {
             let step = set.len().div_ceil(MOST_ROWS).max(1);
             set.iter().step_by(step).map(Corners::vertex).collect()
         }
-        Grip::Point(point) => {
-            vec![Corners { vertices: editor.rest.triangles()[point.face as usize], weights: point.barycentric }]
-        }
+        Grip::Point(point) => vec![point.on(editor.rest.triangles())],
     }
 }
 
-/// The row of a point in the cage's positions: those of its corners, each averaged on the cage as propagation by frames does.
-fn row(editor: &Editor, of: &Corners) -> Vec<(u32, f64)> {
-    let binding = &editor.binding;
-    let mut sums = std::collections::BTreeMap::new();
-    for (&v, &share) in of.vertices.iter().zip(&of.weights).filter(|(_, share)| **share != 0.0) {
-        let (indices, weights) = binding.row(v as usize);
-        for (&j, &weight) in indices.iter().zip(weights) {
-            let (averaged, shares) = binding.smoothing_row(j);
-            for (k, part) in averaged.into_iter().zip(shares) {
-                *sums.entry(k).or_insert(0.0) += share * f64::from(weight) * f64::from(part);
-            }
-        }
-    }
-    // Rows are kept in single precision and sum to 1 up to its rounding.
-    let sum: f64 = sums.values().sum();
-    sums.into_iter().map(|(k, weight)| (k, weight / sum)).collect()
-}
-
-/// The handles as vertices of the shape. A point stands for a corner of its face that no other handle has.
-fn whole(editor: &Editor) -> Result<Vec<Handle>, SessionError> {
-    let mut taken: VertexSet = editor.handles.iter().filter_map(vertices).flat_map(VertexSet::iter).collect();
-    let one = |handle: &EditorHandle| {
-        let vertices = match &handle.grip {
-            Grip::Vertices(set) => set.clone(),
-            Grip::Point(point) => {
-                let corner = point.corners(editor.rest.triangles()).into_iter().find(|v| !taken.contains(*v));
-                let reason = || format!("other handles hold all corners of face {}", point.face);
-                let corner = corner.ok_or_else(|| SessionError::BadGrip { reason: reason() })?;
-                taken = taken.union(&VertexSet::from_iter([corner]));
-                VertexSet::from_iter([corner])
-            }
-        };
-        Ok(Handle { vertices, rows: PointRows::new(), constraint: handle.constraint })
+/// The cage vertex that the middle of a handle went into, and its ring, nearest first.
+fn stand_ins(editor: &Editor, handle: &EditorHandle) -> Vec<u32> {
+    let (shape, cage) = (&editor.base.shape, &editor.base.cage);
+    let points: Vec<u32> = match &handle.grip {
+        Grip::Vertices(set) => set.as_slice().to_vec(),
+        Grip::Point(point) => point.on(editor.rest.triangles()).vertices.to_vec(),
     };
-    editor.handles.iter().map(one).collect()
+    let middle = match &handle.grip {
+        Grip::Vertices(_) => points.iter().map(|&v| shape[v as usize]).sum::<DVec3>() / points.len() as f64,
+        Grip::Point(point) => point.on(editor.rest.triangles()).place(shape),
+    };
+    let distance = |p: DVec3| p.distance_squared(middle);
+    let nearest = |a: &u32, b: &u32| distance(shape[*a as usize]).total_cmp(&distance(shape[*b as usize]));
+    let owner = points.into_iter().min_by(nearest).map(|v| editor.simplified.owner[v as usize]);
+    // A vertex without faces went into none.
+    let Some(owner) = owner.filter(|j| (*j as usize) < cage.len()) else { return Vec::new() };
+    let mut ring = editor.simplified.mesh.topology().neighbours(owner as usize).to_vec();
+    ring.sort_by(|a, b| distance(cage[*a as usize]).total_cmp(&distance(cage[*b as usize])));
+    std::iter::once(owner).chain(ring).collect()
 }
 
-/// The vertices of a handle that holds vertices.
-fn vertices(handle: &EditorHandle) -> Option<&VertexSet> {
-    match &handle.grip {
-        Grip::Vertices(set) => Some(set),
-        Grip::Point(_) => None,
-    }
+/// What a refinement of the shape works with.
+pub(crate) struct OnShape {
+    /// The corners of points within faces are fixed in it: they stay where they were set.
+    pub(crate) region: Region,
+    pub(crate) goals: Goals,
+    /// The same for coarser levels, if they are to be gone through: a vertex stands for a point.
+    pub(crate) on_levels: Option<(Region, Goals)>,
 }
 
-/// What hard handles set on the shape: each vertex once, those of vertex handles first.
-pub(crate) fn targets(editor: &Editor) -> (Vec<u32>, Vec<(usize, Target)>) {
-    let hard = || editor.handles.iter().enumerate().filter(|(_, h)| h.constraint == Constraint::Hard);
-    let mut owners: Vec<(usize, Target)> = hard()
-        .filter_map(|(at, handle)| Some((at, vertices(handle)?)))
-        .flat_map(|(at, set)| set.iter().map(move |v| (at, Target::Vertex(v))))
-        .collect();
-    let mut sources: Vec<u32> = owners.iter().map(|(_, target)| target.vertex()).collect();
-    let mut taken: VertexSet = sources.iter().copied().collect();
-    for (at, handle) in hard() {
-        let Grip::Point(point) = &handle.grip else { continue };
-        let of = Corners { vertices: editor.rest.triangles()[point.face as usize], weights: point.barycentric };
-        let free: Vec<usize> = (0..3).filter(|&k| !taken.contains(of.vertices[k])).collect();
-        let weight: f64 = free.iter().map(|&k| of.weights[k]).sum();
-        // With next to no weight left the point is held by its neighbours' handles.
-        if weight < 1e-3 {
-            continue;
-        }
-        for k in free {
-            owners.push((at, Target::Corner { vertex: of.vertices[k], of, weight, goal: DVec3::ZERO }));
-            sources.push(of.vertices[k]);
-        }
-        taken = sources.iter().copied().collect();
-    }
-    (sources, owners)
-}
-
-/// The region and the goals that a refinement of the shape works with: the corners of points within faces stay where they were set.
-pub(crate) fn on_shape(editor: &Editor) -> Result<(Region, Goals), SessionError> {
+/// The region and the goals that a refinement of the shape works with. The `corners` of points within faces stay where they were set.
+pub(crate) fn on_shape(editor: &Editor, corners: &[u32]) -> Result<OnShape, SessionError> {
     let n = editor.rest.vertex_count();
-    let set: VertexSet =
-        targets(editor).1.iter().filter(|(_, t)| matches!(t, Target::Corner { .. })).map(|(_, t)| t.vertex()).collect();
-    let roi = editor.region.clone().unwrap_or_else(|| VertexSet::all(n)).difference(&set);
-    let held: Vec<&EditorHandle> = editor.handles.iter().filter(|h| vertices(h).is_some()).collect();
-    let handles: Vec<Handle> = held
-        .iter()
-        .filter_map(|h| {
-            Some(Handle { vertices: vertices(h)?.clone(), rows: PointRows::new(), constraint: h.constraint })
-        })
-        .collect();
-    let region = Region::new(n, &roi, &handles)?;
+    let corners: VertexSet = corners.iter().copied().collect();
+    let may_move = VertexSet::where_true(n, |v| editor.may_move(v));
+    let held = editor.handles.iter().filter_map(|handle| Some((handle, handle.grip.vertices()?.clone()))).collect();
+    let (region, goals) = constrained(editor, &may_move.difference(&corners), held)?;
+    let free = region.roles().iter().filter(|role| **role == Role::Free).count();
+    let on_levels = editor.options.levels_from.is_some_and(|least| free >= least);
+    let on_levels = on_levels.then(|| constrained(editor, &may_move, whole(editor)).ok()).flatten();
+    Ok(OnShape { region, goals, on_levels })
+}
+
+/// Handles that hold vertices of a region of interest, and their goals.
+fn constrained(
+    editor: &Editor,
+    roi: &VertexSet,
+    held: Vec<(&EditorHandle, VertexSet)>,
+) -> Result<(Region, Goals), DeformError> {
+    let (mut handles, mut goals) = (Vec::new(), Vec::new());
+    for (handle, vertices) in held {
+        let vertices = vertices.intersection(roi);
+        if !vertices.is_empty() {
+            handles.push(Handle { vertices, rows: PointRows::new(), constraint: handle.constraint });
+            goals.push(handle.goal);
+        }
+    }
+    let region = Region::new(editor.rest.vertex_count(), roi, &handles)?;
     let (region, _) = region.without_unconstrained(editor.rest.topology());
-    Ok((region, Goals::new(held.iter().map(|h| h.goal).collect())))
+    Ok((region, Goals::new(goals)))
+}
+
+/// The handles as vertices of the shape. A point stands for a corner of its face that no other handle has, if there is one.
+fn whole(editor: &Editor) -> Vec<(&EditorHandle, VertexSet)> {
+    let mut taken: HashSet<u32> =
+        editor.handles.iter().filter_map(|handle| handle.grip.vertices()).flat_map(VertexSet::iter).collect();
+    let mut held = Vec::new();
+    for handle in &editor.handles {
+        match &handle.grip {
+            Grip::Vertices(set) => held.push((handle, set.clone())),
+            Grip::Point(point) => {
+                let corner = point.on(editor.rest.triangles()).vertices.into_iter().find(|v| taken.insert(*v));
+                held.extend(corner.map(|v| (handle, VertexSet::from_iter([v]))));
+            }
+        }
+    }
+    held
 }

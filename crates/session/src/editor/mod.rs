@@ -1,30 +1,43 @@
 //! An editing session on one shape.
 
+mod aims;
+mod carrier;
+mod descent;
 mod document;
 mod grip;
+mod handles;
 mod held;
 mod options;
+mod part;
 mod prepared;
 mod refinement;
+mod refining;
+mod rows;
+mod shown;
 mod steps;
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use pliant_cage::{Binding, SavedCage, Simplified, SimplifyOptions, simplify};
-use pliant_deform::{Constraint, Method};
-use pliant_mesh::{NormalBuffer, Progress, Similarity, TriMesh, VertexSet};
+use pliant_mesh::ranges::{differing, widen};
+use pliant_mesh::{Progress, TriMesh};
 
 pub use document::{Autosave, Document, DocumentHandle, DocumentStep, Ranges};
 pub use grip::{EditorHandle, Grip, SurfacePoint};
 pub use options::EditorOptions;
 pub use refinement::{RefineReport, Refinement};
+pub use shown::Frame;
 
 use crate::history::{History, State};
 use crate::{Levels, SessionError};
+use aims::differs;
+use carrier::{Bound, Posed};
+use handles::Movable;
 use prepared::Prepared;
-use refinement::Released;
+use refining::Released;
+use shown::Shown;
 
 /// A cage that moves less than this share of its diagonal in a solve stands still.
 const STILL: f64 = 1e-6;
@@ -67,13 +80,15 @@ pub struct Editor {
     /// The shape as it was opened.
     rest: TriMesh,
     simplified: Simplified,
-    binding: Binding,
+    bound: Bound,
     levels: Levels,
+    /// Of the shape, for refinements, once they are made.
+    shape_levels: Option<Levels>,
     /// Where the current step began.
     base: Pose,
-    /// What is shown.
-    current: Pose,
-    region: Option<VertexSet>,
+    /// What is shown. If only its single precision is up to date, `prepared` can carry the rest.
+    current: Shown,
+    region: Option<Movable>,
     handles: Vec<EditorHandle>,
     next_id: u32,
     prepared: Option<Prepared>,
@@ -82,7 +97,6 @@ pub struct Editor {
     history: History,
     /// One per step in the history that was not dropped with its memory, and of all before: what a document keeps.
     steps: Vec<DocumentStep>,
-    display: Display,
 }
 
 /// Positions of the shape and of its cage.
@@ -93,11 +107,6 @@ pub(crate) struct Pose {
 }
 
 impl Pose {
-    fn copy_from(&mut self, other: &Self) {
-        self.shape.copy_from_slice(&other.shape);
-        self.cage.copy_from_slice(&other.cage);
-    }
-
     fn state(&mut self) -> State<'_> {
         State { shape: &mut self.shape, pose: &mut self.cage }
     }
@@ -107,18 +116,10 @@ impl Pose {
     }
 }
 
-/// What leaves for a GPU.
-#[derive(Default)]
-struct Display {
-    positions: Vec<Vec3>,
-    normals: Vec<Vec3>,
-    buffer: NormalBuffer,
-}
-
 /// What an update did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Update {
-    /// Vertices of the shape outside of this range are where they were.
+    /// Vertices of the shape outside of this range are where they were before, to the bit.
     pub changed: Range<usize>,
     /// Solves done.
     pub solves: u32,
@@ -126,6 +127,9 @@ pub struct Update {
     pub still: bool,
     /// Largest distance by which the cage alone missed a hard handle's goal, which the shape meets exactly.
     pub snapped: f64,
+    /// Largest distance by which the shape misses a hard handle's goal: rounding, but where points hold so much of a face that they
+    /// contradict each other.
+    pub missed: f64,
     /// Time taken.
     pub elapsed: Duration,
 }
@@ -175,9 +179,10 @@ impl Editor {
             simplify_options,
             rest: shape,
             simplified,
-            binding,
+            bound: Bound::new(binding),
             levels,
-            current: base.clone(),
+            shape_levels: None,
+            current: Shown::new(&base),
             base,
             region: None,
             handles: Vec::new(),
@@ -186,14 +191,13 @@ impl Editor {
             released: None,
             history,
             steps: Vec::new(),
-            display: Display::default(),
         })
     }
 
     /// What to save ([`SavedCage::save`]) so that opening the shape again takes no time to speak of.
     pub fn saved_cage(&self) -> SavedCage {
         SavedCage {
-            binding: self.binding.clone(),
+            binding: self.bound.binding.clone(),
             options: self.options.bind,
             simplified: Some((self.simplify_options, self.simplified.clone())),
         }
@@ -204,9 +208,19 @@ impl Editor {
         &self.rest
     }
 
-    /// Where the shape's vertices are.
+    /// Where the shape's vertices are, in double precision.
+    ///
+    /// Updates write single precision alone ([`Self::display`]). After one, the first call carries the shape along once more, which takes about
+    /// twice as long.
     pub fn positions(&self) -> &[DVec3] {
-        &self.current.shape
+        self.current.shape(|shape| match &self.prepared {
+            Some(prepared) => _ = prepared.carrier.write(self.posed(&self.current.cage), shape),
+            None => shape.clone_from(&self.base.shape),
+        })
+    }
+
+    fn posed<'a>(&'a self, cage: &'a [DVec3]) -> Posed<'a> {
+        Posed { bound: &self.bound, base: &self.base, cage }
     }
 
     /// Where the cage's vertices are.
@@ -214,106 +228,14 @@ impl Editor {
         &self.current.cage
     }
 
-    /// Positions and normals in single precision, ready for a GPU. Costs a pass over the shape; allocates only on the first call.
-    pub fn display(&mut self) -> (&[Vec3], &[Vec3]) {
-        let Display { positions, normals, buffer } = &mut self.display;
-        positions.clear();
-        positions.extend(self.current.shape.iter().map(|p| p.as_vec3()));
-        normals.resize(positions.len(), Vec3::ZERO);
-        buffer.compute(self.rest.topology(), positions, normals);
-        (positions, normals)
-    }
-
-    /// The handles, in the order they were added.
-    pub fn handles(&self) -> &[EditorHandle] {
-        &self.handles
-    }
-
-    /// The vertices that may move; `None` is all.
-    pub fn region(&self) -> Option<&VertexSet> {
-        self.region.as_ref()
-    }
-
-    /// Says which vertices may move: all others keep their bits. `None` is all.
+    /// Positions and normals in single precision, ready for a GPU, and where they have changed since the last call, by whatever it was: updates,
+    /// steps undone or refined.
     ///
-    /// # Errors
-    /// [`SessionError::BadGrip`] if it is empty or names a vertex that does not exist.
-    pub fn set_region(&mut self, region: Option<VertexSet>) -> Result<(), SessionError> {
-        if let Some(region) = &region {
-            Grip::Vertices(region.clone()).check(&self.rest)?;
-        }
-        self.region = region;
-        self.change();
-        Ok(())
-    }
-
-    /// Adds a handle that meets its goals exactly; returns its number.
-    ///
-    /// # Errors
-    /// [`SessionError::BadGrip`].
-    pub fn grab(&mut self, grip: Grip) -> Result<u32, SessionError> {
-        self.add_handle(grip, Constraint::Hard)
-    }
-
-    /// Adds a handle that stays where it is. It is a handle like others and can be dragged, too.
-    ///
-    /// # Errors
-    /// As [`Self::grab`].
-    pub fn anchor(&mut self, grip: Grip) -> Result<u32, SessionError> {
-        self.grab(grip)
-    }
-
-    /// Adds a handle that is drawn to its goals with a weight, or held to them.
-    ///
-    /// # Errors
-    /// As [`Self::grab`].
-    pub fn add_handle(&mut self, grip: Grip, constraint: Constraint) -> Result<u32, SessionError> {
-        grip.check(&self.rest)?;
-        let id = self.next_id;
-        self.next_id += 1;
-        self.handles.push(EditorHandle { id, grip, constraint, goal: Similarity::IDENTITY });
-        self.change();
-        Ok(id)
-    }
-
-    /// Takes a handle away.
-    ///
-    /// # Errors
-    /// [`SessionError::NoHandle`].
-    pub fn remove_handle(&mut self, handle: u32) -> Result<(), SessionError> {
-        let at = self.place(handle)?;
-        self.handles.remove(at);
-        self.change();
-        Ok(())
-    }
-
-    /// Sets the goal of a handle, as a motion from where the step began. The newest goal counts; nothing is solved before
-    /// [`Self::update`] or [`Self::release`].
-    ///
-    /// # Errors
-    /// [`SessionError::NoHandle`], or [`SessionError::BadGrip`] for a motion that is no similarity.
-    pub fn drag(&mut self, handle: u32, goal: Similarity) -> Result<(), SessionError> {
-        let at = self.place(handle)?;
-        if !goal.is_valid() {
-            return Err(SessionError::BadGrip { reason: format!("its goal is no similarity: {goal:?}") });
-        }
-        self.handles[at].goal = goal;
-        Ok(())
-    }
-
-    /// Sets the goal of a handle so that its middle goes to a point, without turning.
-    ///
-    /// # Errors
-    /// As [`Self::drag`].
-    pub fn drag_to(&mut self, handle: u32, point: DVec3) -> Result<(), SessionError> {
-        let at = self.place(handle)?;
-        let middle = match &self.handles[at].grip {
-            Grip::Vertices(vertices) => {
-                vertices.iter().map(|v| self.base.shape[v as usize]).sum::<DVec3>() / vertices.len() as f64
-            }
-            Grip::Point(on) => on.place(self.rest.triangles(), &self.base.shape),
-        };
-        self.drag(handle, Similarity::translation(point - middle))
+    /// After an update costs the normals of what may move; after anything else, a pass over the shape. Allocates only on the first call. The
+    /// same bits for any number of threads.
+    pub fn display(&mut self) -> Frame<'_> {
+        let near = self.prepared.as_ref().and_then(|prepared| prepared.carrier.near());
+        self.current.frame(self.rest.topology(), near)
     }
 
     /// Solves for the goals from the pose shown, again and again until the time is up or the cage stands still (once at least), and shows
@@ -324,26 +246,34 @@ impl Editor {
     pub fn update(&mut self, budget: Duration) -> Result<Update, SessionError> {
         let begun = Instant::now();
         let mut prepared = self.prepare()?;
-        let made = (|| {
-            let mut solves = 0;
-            prepared.set_goals(&self.handles, &self.base, false);
-            prepared.pose.copy_from_slice(&self.current.cage);
-            let still = loop {
-                let moved = prepared.solve(true)?;
-                solves += 1;
-                if moved <= STILL || !self.iterates() {
-                    break true;
-                }
-                if begun.elapsed() >= budget {
-                    break false;
-                }
-            };
-            let snapped = prepared.show(&self.binding, &self.base, &mut self.current);
-            let changed = prepared.changed.clone();
-            Ok(Update { changed, solves, still, snapped, elapsed: begun.elapsed() })
-        })();
+        let made = self.solve_and_show(&mut prepared, begun, budget);
         self.prepared = Some(prepared);
         made
+    }
+
+    fn solve_and_show(
+        &mut self,
+        prepared: &mut Prepared,
+        begun: Instant,
+        budget: Duration,
+    ) -> Result<Update, SessionError> {
+        prepared.aim(&self.handles)?;
+        prepared.pose.copy_from_slice(&self.current.cage);
+        let mut solves = 0;
+        let still = loop {
+            let moved = prepared.solve(true)?;
+            solves += 1;
+            if moved <= STILL || !self.options.method.iterates() {
+                break true;
+            }
+            if begun.elapsed() >= budget {
+                break false;
+            }
+        };
+        prepared.rows.follow(&self.base.cage, &prepared.pose);
+        let posed = Posed { bound: &self.bound, base: &self.base, cage: &prepared.pose };
+        let (changed, snapped) = prepared.carrier.show(&mut self.current, posed, &self.handles);
+        Ok(Update { changed, solves, still, snapped: snapped.by, missed: snapped.missed, elapsed: begun.elapsed() })
     }
 
     /// Ends the step: solves once more from where it began, until the cage stands still, and notes it under a name. Handles stay, at rest.
@@ -354,58 +284,46 @@ impl Editor {
     /// As [`Self::update`]; then the step goes on.
     pub fn release(&mut self, name: &str) -> Result<Update, SessionError> {
         let begun = Instant::now();
-        let mut prepared = self.prepare()?;
-        if !prepared.fresh {
+        if self.prepared.as_ref().is_some_and(|prepared| prepared.stale || !prepared.fresh) {
             // A factor changed again and again has other last bits than a new one.
-            prepared = Prepared::new(self, None)?;
+            self.settle();
+            self.prepared = None;
         }
-        let made = (|| {
-            prepared.set_goals(&self.handles, &self.base, true);
-            prepared.pose.copy_from_slice(&self.base.cage);
-            let (mut solves, mut still) = (0, false);
-            let mut shown = if prepared.follows() { self.base.clone() } else { Pose::default() };
-            while !still && solves <= self.options.release_solves {
-                still = prepared.solve(false)? <= STILL || !self.iterates();
-                solves += 1;
-                if prepared.follows() && !still && solves <= FRAMES_FOLLOWED {
-                    // Where points go on the cage depends on its frames, which the shape shown tells; then they are held to that.
-                    prepared.show(&self.binding, &self.base, &mut shown);
-                }
+        let mut prepared = self.prepare()?;
+        match self.solve_from_base(&mut prepared) {
+            Ok((solves, still)) => {
+                let mut made = Pose { shape: Vec::new(), cage: prepared.pose.clone() };
+                prepared.carrier.aim(&self.handles, &self.base);
+                let snapped = prepared.carrier.write(self.posed(&prepared.pose), &mut made.shape);
+                let mut changed = differing(&self.base.shape, &made.shape, |a, b| differs(*a, *b));
+                widen(&mut changed, &self.current.displaced);
+                self.note(name, made, prepared.carrier.aims().corners());
+                let (snapped, missed) = (snapped.by, snapped.missed);
+                Ok(Update { changed, solves, still, snapped, missed, elapsed: begun.elapsed() })
             }
-            prepared.unclean = true;
-            let snapped = prepared.show(&self.binding, &self.base, &mut self.current);
-            let changed = prepared.changed.clone();
-            Ok(Update { changed, solves, still, snapped, elapsed: begun.elapsed() })
-        })();
-        if made.is_ok() {
-            let refinable = held::on_shape(self).ok();
-            self.released = refinable.map(|(region, goals)| Released {
-                began: self.base.clone(),
-                region,
-                goals,
-                refining: None,
-                energy: 0.0,
-            });
-            self.note(name);
+            Err(error) => {
+                self.prepared = Some(prepared);
+                Err(error)
+            }
         }
-        self.prepared = made.is_err().then_some(prepared);
-        made
     }
 
-    fn iterates(&self) -> bool {
-        matches!(self.options.method, Method::Arap(_) | Method::DualLaplacian(_))
-    }
-
-    fn place(&self, handle: u32) -> Result<usize, SessionError> {
-        self.handles.iter().position(|h| h.id == handle).ok_or(SessionError::NoHandle { handle })
-    }
-
-    /// The handles or the region are others now.
-    fn change(&mut self) {
-        self.released = None;
-        if let Some(prepared) = &mut self.prepared {
-            prepared.stale = true;
+    /// Brings the pose of what is prepared from where the step began to the goals; how many solves that took, and whether the cage
+    /// stands still.
+    fn solve_from_base(&self, prepared: &mut Prepared) -> Result<(u32, bool), SessionError> {
+        prepared.rows.begin(&self.base.cage);
+        prepared.aim(&self.handles)?;
+        prepared.pose.copy_from_slice(&self.base.cage);
+        let (mut solves, mut still) = (0, false);
+        while !still && solves <= self.options.release_solves {
+            still = prepared.solve(false)? <= STILL || !self.options.method.iterates();
+            solves += 1;
+            if prepared.rows.follow_frames() && !still && solves <= FRAMES_FOLLOWED {
+                // Where points go on the cage depends on its frames; then they are held to that.
+                prepared.rows.follow(&self.base.cage, &prepared.pose);
+            }
         }
+        Ok((solves, still))
     }
 
     /// What is prepared for the handles and the region as they are; taken out, to be put back.
@@ -413,9 +331,18 @@ impl Editor {
         if self.handles.is_empty() {
             return Err(SessionError::NothingGrabbed);
         }
+        if self.prepared.as_ref().is_some_and(|prepared| prepared.stale) {
+            self.settle();
+        }
         match self.prepared.take() {
             Some(prepared) if !prepared.stale => Ok(prepared),
             old => Prepared::new(self, old),
         }
+    }
+
+    /// Brings all of what is shown up to date, so that it no longer depends on what is prepared.
+    fn settle(&mut self) {
+        self.positions();
+        self.current.unconfine();
     }
 }

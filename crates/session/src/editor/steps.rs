@@ -2,6 +2,8 @@
 
 use pliant_mesh::Similarity;
 
+use super::held::on_shape;
+use super::refining::Released;
 use super::{DocumentStep, Editor, Pose, Update};
 use crate::SessionError;
 use crate::history::{History, State};
@@ -20,24 +22,13 @@ impl Editor {
         {
             self.released = None;
             // Undone together; a document replays both.
-            let between = self.between();
-            if self.history.join_last(between.arrays())
+            if self.history.join_last(self.base.arrays())
                 && let Some(last) = self.steps.last_mut()
             {
                 last.joined = true;
             }
         }
         Ok(update)
-    }
-
-    /// The state before the last step.
-    fn between(&mut self) -> Pose {
-        let mut between = self.base.clone();
-        if self.history.undo(between.state()) {
-            let mut back = between.clone();
-            self.history.redo(back.state());
-        }
-        between
     }
 
     /// Gives the step up: goals go back to where it began, and so does what is shown.
@@ -56,11 +47,14 @@ impl Editor {
         &mut self,
         work: impl FnOnce(&mut Self) -> Result<T, SessionError>,
     ) -> Result<T, SessionError> {
-        let kept = (self.base.clone(), self.current.clone(), self.history.clone(), self.steps.clone());
+        let shown = Pose { shape: self.positions().to_vec(), cage: self.current.cage.clone() };
+        let displaced = self.current.displaced.clone();
+        let kept = (self.base.clone(), self.history.clone(), self.steps.clone());
         let input = (self.region.clone(), self.handles.clone(), self.next_id);
         let made = work(self);
         if made.is_err() {
-            (self.base, self.current, self.history, self.steps) = kept;
+            (self.base, self.history, self.steps) = kept;
+            self.current.restore(&shown, displaced);
             (self.region, self.handles, self.next_id) = input;
             (self.prepared, self.released) = (None, None);
         }
@@ -93,7 +87,8 @@ impl Editor {
 
     /// Whether a handle has left the place where the step began.
     pub(super) fn is_under_way(&self) -> bool {
-        self.handles.iter().any(|h| h.goal != Similarity::IDENTITY) || self.current != self.base
+        let moved = !self.current.displaced.is_empty() || self.current.cage != self.base.cage;
+        moved || self.handles.iter().any(|h| h.goal != Similarity::IDENTITY)
     }
 
     /// The steps, the oldest first; those that are undone come last ([`Document::undone`](super::Document::undone)).
@@ -111,16 +106,19 @@ impl Editor {
         self.history.dropped()
     }
 
-    /// Notes the step from `base` to `current`, and begins the next.
-    pub(super) fn note(&mut self, name: &str) {
+    /// Notes the step from `base` to what was made of it, and begins the next. `corners` are those of [`on_shape`].
+    pub(super) fn note(&mut self, name: &str, made: Pose, corners: &[u32]) {
+        let refinable = on_shape(self, corners).ok();
         let done = self.steps.len() - self.redoable_steps();
         self.steps.truncate(done);
-        self.steps.push(DocumentStep::new(name, self.region.as_ref(), &self.handles));
-        self.history.push(self.base.arrays(), self.current.arrays());
-        self.base.copy_from(&self.current);
+        self.steps.push(DocumentStep::new(name, self.region(), &self.handles));
+        self.history.push(self.base.arrays(), made.arrays());
+        let began = std::mem::replace(&mut self.base, made);
+        self.current.copy_from(&self.base);
         for handle in &mut self.handles {
             handle.goal = Similarity::IDENTITY;
         }
+        self.released = refinable.map(|held| Released { began, held, refining: None });
     }
 
     /// Steps of the document that are undone: those that were joined count with the one they joined.

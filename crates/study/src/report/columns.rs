@@ -193,7 +193,7 @@ pub(super) const COLUMNS: [Column; 63] = {
         column("cage_asked", "cage asked", Text, Setting, |r| text(&r.cage_asked)),
         column("cage_vertices", "cage vertices", Count, Always, |r| made(r, r.cage_vertices)),
         column("rms_relative", "RMS relative (%)", Share, Always, |r| Cell::Share(r.rms_relative)),
-        column("relative_rms", "relative RMS (%)", Share, Main(12), |r| Cell::Share(r.relative_rms)),
+        column("relative_rms", "relative RMS (%)", Share, Main(15), |r| Cell::Share(r.relative_rms)),
         column("published", "published (%)", Share, Main(2), |r| share(r.published)),
         column("edge_median", "median (%)", Share, Full, |r| Cell::Share(r.edge_median)),
         column("edge_p95", "p95 (%)", Share, Main(4), |r| Cell::Share(r.edge_p95)),
@@ -201,38 +201,38 @@ pub(super) const COLUMNS: [Column; 63] = {
         column("edge_max", "max (%)", Share, Main(5), |r| Cell::Share(r.edge_max)),
         column("max_free_stretch", "free stretch (x)", Number, Main(21), |r| Cell::Number(r.max_free_stretch)),
         column("cage_rms_relative", "cage RMS (%)", Share, Main(22), |r| Cell::Share(r.cage_rms_relative)),
-        column("rest_rms_relative", "rest RMS (%)", Share, Main(15), |r| Cell::Share(r.rest_rms_relative)),
-        column("rest_error_max", "rest max (% of diagonal)", Length, Main(14), |r| Cell::Share(r.rest_error_max)),
-        column("handle_error_max", "handles off by (% of diagonal)", Length, Main(13), |r| {
+        column("rest_rms_relative", "rest RMS (%)", Share, Main(18), |r| Cell::Share(r.rest_rms_relative)),
+        column("rest_error_max", "rest max (% of diagonal)", Length, Main(17), |r| Cell::Share(r.rest_error_max)),
+        column("handle_error_max", "handles off by (% of diagonal)", Length, Main(16), |r| {
             Cell::Share(r.handle_error_max)
         }),
         column("distance_to_converged", "from converged ARAP (% of diagonal)", Length, Main(6), |r| {
             share(r.distance_to_converged)
         }),
-        column("hausdorff_to_converged", "Hausdorff from it (% of diagonal)", Length, Main(16), |r| {
+        column("hausdorff_to_converged", "Hausdorff from it (% of diagonal)", Length, Main(19), |r| {
             share(r.hausdorff_to_converged)
         }),
         column("refine_steps", "refine steps", Count, Setting, |r| count(r.refine_steps)),
         column("refined_rms_relative", "refined RMS (%)", Share, Main(7), |r| share(r.refined_rms_relative)),
-        column("refined_distance_to_converged", "refined, from converged (% of diagonal)", Length, Main(17), |r| {
+        column("refined_distance_to_converged", "refined, from converged (% of diagonal)", Length, Main(20), |r| {
             share(r.refined_distance_to_converged)
         }),
-        column("volume_change", "volume change (%)", Share, Main(18), |r| share(r.volume_change)),
+        column("volume_change", "volume change (%)", Share, Main(8), |r| share(r.volume_change)),
         column("area_change", "area change (%)", Share, Full, |r| share(r.area_change)),
-        column("flipped_faces", "flipped faces", Count, Main(19), |r| count(r.flipped_faces)),
-        column("intersecting_faces", "intersecting face pairs", Count, Main(20), |r| count(r.intersecting_faces)),
+        column("flipped_faces", "flipped faces", Count, Main(9), |r| count(r.flipped_faces)),
+        column("intersecting_faces", "intersecting face pairs", Count, Main(10), |r| count(r.intersecting_faces)),
         column("kept_mean", "kept mean", Number, Main(23), |r| Cell::Number(r.kept_mean)),
         column("kept_max", "kept max", Count, Main(24), |r| made(r, r.kept_max)),
         column("negative_share", "negative weights (%)", Share, Full, |r| Cell::Share(r.negative_share)),
         column("unsafe_rows", "unsafe rows", Count, Full, |r| made(r, r.unsafe_rows)),
         column("repeats", "repeats", Count, Setting, |r| made(r, r.times.repeats)),
-        column("simplify_ms", "simplify (ms)", Time, Main(9), |r| median(r.times.simplify_ms)),
+        column("simplify_ms", "simplify (ms)", Time, Main(12), |r| median(r.times.simplify_ms)),
         column("simplify_ms_min", "simplify, min (ms)", Time, Never, |r| min(r.times.simplify_ms)),
         column("simplify_ms_max", "simplify, max (ms)", Time, Never, |r| max(r.times.simplify_ms)),
-        column("bind_ms", "bind (ms)", Time, Main(8), |r| median(r.times.bind_ms)),
+        column("bind_ms", "bind (ms)", Time, Main(11), |r| median(r.times.bind_ms)),
         column("bind_ms_min", "bind, min (ms)", Time, Never, |r| min(r.times.bind_ms)),
         column("bind_ms_max", "bind, max (ms)", Time, Never, |r| max(r.times.bind_ms)),
-        column("prepare_ms", "prepare (ms)", Time, Main(10), |r| median(r.times.prepare_ms)),
+        column("prepare_ms", "prepare (ms)", Time, Main(13), |r| median(r.times.prepare_ms)),
         column("prepare_ms_min", "prepare, min (ms)", Time, Never, |r| min(r.times.prepare_ms)),
         column("prepare_ms_max", "prepare, max (ms)", Time, Never, |r| max(r.times.prepare_ms)),
         column("drag_ms", "drag (ms)", Time, Main(0), |r| median(r.times.drag_ms)),
@@ -242,7 +242,7 @@ pub(super) const COLUMNS: [Column; 63] = {
         column("propagate_ms", "propagate (ms)", Time, Main(1), |r| median(r.times.propagate_ms)),
         column("propagate_ms_min", "propagate, min (ms)", Time, Never, |r| min(r.times.propagate_ms)),
         column("propagate_ms_max", "propagate, max (ms)", Time, Never, |r| max(r.times.propagate_ms)),
-        column("refine_ms", "refine (ms)", Time, Main(11), |r| median(r.times.refine_ms)),
+        column("refine_ms", "refine (ms)", Time, Main(14), |r| median(r.times.refine_ms)),
         column("refine_ms_min", "refine, min (ms)", Time, Never, |r| min(r.times.refine_ms)),
         column("refine_ms_max", "refine, max (ms)", Time, Never, |r| max(r.times.refine_ms)),
         column("peak_memory_bytes", "peak memory (MB)", Bytes, Full, |r| {

@@ -17,6 +17,7 @@ use crate::{StudyError, SweepSize};
 
 /// What is looked for among the cage sizes of a series. Written and read as `error:5%`, `no-cage:10%`, `bend`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum KneeTarget {
     /// The smallest cage whose RMS relative edge error is at most this: 0.05 is 5 %.
@@ -35,6 +36,7 @@ pub enum KneeTarget {
 
 /// What was found for a series.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Knee {
     /// The shape.
     pub model: String,
@@ -56,6 +58,7 @@ pub struct Knee {
 
 /// A cage size of a series with its error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct KneeSize {
     /// The size as asked for.
     pub cage_asked: String,
@@ -74,8 +77,8 @@ impl SweepReport {
     /// error; one that was refused ([`FailureKind::Input`], such as a cage too small for the scene) says nothing and is left
     /// out, as is a failed one of which not even the size is known. Decimated
     /// meshes are no cages and form no series here.
-    pub fn knees(&self, target: KneeTarget) -> Vec<Knee> {
-        let labels = Labels::of(&self.rows);
+    pub fn find_knees(&self, target: KneeTarget) -> Vec<Knee> {
+        let labels = Labels::of(self.rows.iter());
         let mut series: Vec<(SeriesKey<'_>, Vec<&SweepRow>)> = Vec::new();
         for row in &self.rows {
             let key = SeriesKey::of(row);
@@ -239,7 +242,7 @@ impl Knee {
     }
 
     /// Why there is none, or what is odd about it.
-    fn note(&self) -> String {
+    pub(super) fn note(&self) -> String {
         match &self.first_within {
             _ if self.found.is_none() => self.reason.clone(),
             Some(first) => format!("a cage of {} vertices meets it too, but not every larger one", first.cage_vertices),

@@ -5,7 +5,9 @@
 
 mod columns;
 mod comparison;
+mod figure3;
 mod formats;
+mod html;
 mod knee;
 mod plot;
 mod row;
@@ -23,12 +25,16 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
+use crate::pipeline::median;
+
 pub use comparison::{Comparison, ImplicitRow};
+pub(crate) use formats::on_one_line;
 pub use formats::{FormatError, ReportFormat, SUMMARY_BYTES};
 pub use knee::{Knee, KneeSize, KneeTarget};
 pub(crate) use row::p95;
 pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;
+pub(crate) use table::in_markdown;
 
 /// What [`SweepReport::schema`] says of this form. The number grows when a field changes its meaning or goes; new fields leave it.
 pub const SCHEMA: &str = "pliant-sweep/2";
@@ -54,6 +60,9 @@ pub struct SweepReport {
     pub refused: Vec<Refusal>,
     /// One row per model, scene, cage size and setting, in the order of the plan.
     pub rows: Vec<SweepRow>,
+    /// The smallest cages that will do, if they were looked for ([`Self::find_knees`]).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub knees: Vec<Knee>,
     /// Pictures of the edited shapes by the rows' ids: PNG in base64, coloured by the mean relative length error of the edges at each
     /// vertex from 0 (violet) to [`PICTURE_WORST`] (yellow).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -71,10 +80,39 @@ pub struct Machine {
     pub cpu: Option<String>,
     /// Threads that worked.
     pub threads: usize,
-    /// Median time of a loop of the arithmetic and memory traffic that stages are made of, run beside the rows: times of two machines are
-    /// compared as multiples of it. `null` if it was not run.
+    /// How fast it was, beside the rows; `null` if that was not measured.
     #[serde(default)]
-    pub calibration_ms: Option<f64>,
+    pub calibration: Option<Calibration>,
+}
+
+/// What a fixed loop takes ([`calibrate`](crate::calibrate())), in milliseconds. Times of two machines, or of one that is busy with other things at times, are
+/// compared as multiples of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Calibration {
+    /// What it takes undisturbed: each kind of its parts as short as it ever was. They are of fractions of a millisecond, which other
+    /// programs rarely break off: on one thread this is the same to a few per cent on a quiet machine and on one with four times as much to
+    /// do as it has cores.
+    #[serde(with = "row::null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
+    pub quiet_ms: f64,
+    /// What it took as a whole; the middle one of several runs.
+    #[serde(with = "row::null_is_nan")]
+    #[cfg_attr(test, schemars(with = "f64"))]
+    pub taken_ms: f64,
+}
+
+impl Calibration {
+    /// Of one run or more, on one machine; none of none.
+    pub fn of(runs: &[Self]) -> Option<Self> {
+        let quiet_ms = runs.iter().map(|run| run.quiet_ms).min_by(f64::total_cmp)?;
+        Some(Self { quiet_ms, taken_ms: median(runs.iter().map(|run| run.taken_ms).collect()) })
+    }
+
+    /// How many times as long as undisturbed it took: 1 on a machine that does nothing else.
+    pub fn load(&self) -> f64 {
+        self.taken_ms / self.quiet_ms
+    }
 }
 
 /// A model of a plan that no row could be planned for.

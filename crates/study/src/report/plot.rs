@@ -17,7 +17,7 @@ use super::SweepReport;
 use super::series::{AllSeries, Point, Series};
 
 /// Okabe and Ito's colours that can be told apart with any colour vision, without the yellow that is faint on white.
-const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"];
+pub(super) const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"];
 
 /// Also told apart by shape. As polygons: corners, and the angle of the first in degrees (clockwise from +x).
 const MARKERS: [(MarkerShape, u32, f64); 6] = [
@@ -30,10 +30,10 @@ const MARKERS: [(MarkerShape, u32, f64); 6] = [
 ];
 
 /// Dashes of the lines, by schedule.
-const DASHES: [&str; 4] = ["", "9 3", "3 3", "9 3 2 3"];
+pub(super) const DASHES: [&str; 4] = ["", "9 3", "3 3", "9 3 2 3"];
 
 /// Dashes of the lines without a cage, by schedule: none is solid.
-const DIRECT_DASHES: [&str; 4] = ["6 4", "2 3", "8 3 2 3", "12 6"];
+pub(super) const DIRECT_DASHES: [&str; 4] = ["6 4", "2 3", "8 3 2 3", "12 6"];
 
 const DIRECT: &str = "#333333";
 const PUBLISHED: &str = "#000000";
@@ -75,7 +75,7 @@ impl SweepReport {
     /// the others are when their values are far apart. A figure that is not finite, absurdly large (from
     /// 1e9), or 0 on a logarithmic axis is not drawn, and the subtitle says how many are missing.
     pub fn to_svg(&self) -> String {
-        let all = AllSeries::of(self);
+        let all = AllSeries::of(self.rows.iter().enumerate());
         let errors = Panel::new(&all, "RMS relative edge error (%)", |p| 100.0 * p.error);
         let times = Panel::new(&all, "time of one edit (ms)", |p| p.ms);
         let missing = errors.missing + times.missing;
@@ -339,7 +339,7 @@ fn shortened(text: &str, limit: usize) -> String {
 }
 
 /// Text that kuva draws as it stands: no formula between dollar signs, and no character that XML cannot hold.
-fn plain(text: &str) -> String {
+pub(super) fn plain(text: &str) -> String {
     let allowed = |c: char| !c.is_control() && c != '\u{fffe}' && c != '\u{ffff}';
     text.chars().map(|c| if allowed(c) { c } else { ' ' }).collect::<String>().replace('$', "\\$")
 }
@@ -361,6 +361,6 @@ fn grouped(x: f64) -> String {
 }
 
 /// An entry of a short table, round and round.
-fn pick<T: Copy>(table: &[T], k: usize) -> T {
+pub(super) fn pick<T: Copy>(table: &[T], k: usize) -> T {
     table[k % table.len()]
 }

@@ -110,7 +110,8 @@ pub struct SweepRow {
     /// fraction of the diagonal; `null` unless asked for.
     #[serde(default)]
     pub distance_to_converged: Option<f64>,
-    /// Hausdorff distance of the surface to that of converged as-rigid-as-possible deformation without a cage, as a fraction of the
+    /// Hausdorff distance of the surface to that of converged as-rigid-as-possible deformation without a cage (of a decimated mesh, between
+    /// vertices and surfaces, both ways), as a fraction of the
     /// diagonal; `null` unless asked for.
     #[serde(default)]
     pub hausdorff_to_converged: Option<f64>,
@@ -232,14 +233,17 @@ pub enum FailureKind {
     Input,
     /// The computation led to nothing that can be used.
     Numeric,
+    /// Pliant is at fault: it came to a state it holds impossible.
+    Internal,
 }
 
 impl FailureKind {
-    /// As it stands in JSON: `input` or `numeric`.
+    /// As it stands in JSON: `input`, `numeric` or `internal`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Input => "input",
             Self::Numeric => "numeric",
+            Self::Internal => "internal",
         }
     }
 }
@@ -354,33 +358,33 @@ pub struct RowKey<'a> {
     iterations: Option<usize>,
 }
 
-impl RowKey<'_> {
-    /// All but model and scene, in words: `arap, cage 5%, frames, local:16, start levels, 1 x 2`.
-    pub fn setting(&self) -> String {
-        let Self { method, cage, propagation, prune, steps, start, iterations, .. } = self;
-        let mut said = vec![(*method).to_owned()];
-        said.push(match *cage {
-            NO_CAGE => "no cage".to_owned(),
-            decimated if is_decimated(decimated) => decimated.to_owned(),
-            cage => format!("cage {cage}"),
-        });
-        if *propagation != NO_CAGE {
-            said.push(format!("{propagation}, {prune}"));
-        }
-        if !start.is_empty() && *start != NO_CAGE {
-            said.push(format!("start {start}"));
-        }
-        said.push(match iterations {
-            Some(count) => format!("{steps} x {count}"),
-            None => format!("{steps} x all"),
-        });
-        said.join(", ")
-    }
-}
-
 impl std::fmt::Display for RowKey<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}, scene {}, {}", self.model, self.scene, self.setting())
+    }
+}
+
+impl RowKey<'_> {
+    /// All but model and scene, in words: `cage 5%, arap, frames, smooth:16, start levels, 1 x 2`.
+    pub fn setting(&self) -> String {
+        let Self { method, cage, propagation, prune, steps, start, iterations, .. } = *self;
+        let mut parts = vec![match cage {
+            NO_CAGE => "no cage".to_owned(),
+            decimated if is_decimated(decimated) => decimated.to_owned(),
+            cage => format!("cage {cage}"),
+        }];
+        parts.push(method.to_owned());
+        if propagation != NO_CAGE {
+            parts.extend([propagation.to_owned(), prune.to_owned()]);
+        }
+        if !start.is_empty() && start != NO_CAGE {
+            parts.push(format!("start {start}"));
+        }
+        parts.push(match iterations {
+            Some(count) => format!("{steps} x {count}"),
+            None => format!("{steps} x all"),
+        });
+        parts.join(", ")
     }
 }
 

@@ -52,7 +52,7 @@ fn schema() -> Value {
 fn unit(field: &str) -> &'static str {
     let of_column = COLUMNS.iter().find(|column| column.key == field).and_then(|column| column.kind.unit());
     match field {
-        "median" | "min" | "max" | "calibration_ms" => "ms",
+        "median" | "min" | "max" | "quiet_ms" | "taken_ms" => "ms",
         "diagonal" => "unit of the model",
         _ => of_column.filter(|unit| *unit != "1").unwrap_or(""),
     }
@@ -112,7 +112,8 @@ fn the_schema_in_the_repository_is_that_of_the_types() {
 /// A report with a value in every field.
 fn full() -> SweepReport {
     let mut report = hostile();
-    report.machine = Some(Machine { cpu: Some("cpu".to_owned()), threads: 2, calibration_ms: Some(1.5) });
+    let calibration = Some(Calibration { quiet_ms: 1.5, taken_ms: 2.5 });
+    report.machine = Some(Machine { cpu: Some("cpu".to_owned()), threads: 2, calibration });
     report.refused.push(Refusal { model: "m".to_owned(), reason: "no".to_owned() });
     report.pictures.insert("0".repeat(32), "aGk=".to_owned());
     let time = Spread::of(&[1.0, 2.0]);
@@ -163,8 +164,17 @@ fn the_schema_refuses_what_the_reader_refuses() {
         *(if readable { &mut taken } else { &mut refused }) += 1;
     };
     let last = format!("/rows/{}/failure", report["rows"].as_array().map_or(0, Vec::len) - 1);
-    for place in ["", "/machine", "/models/0", "/refused/0", "/rows/0", "/rows/0/times", "/rows/0/times/bind_ms", &last]
-    {
+    for place in [
+        "",
+        "/machine",
+        "/machine/calibration",
+        "/models/0",
+        "/refused/0",
+        "/rows/0",
+        "/rows/0/times",
+        "/rows/0/times/bind_ms",
+        &last,
+    ] {
         let fields: &Map<String, Value> = report.pointer(place).and_then(Value::as_object).expect("an object");
         for field in fields.keys() {
             let mut changed = report.clone();

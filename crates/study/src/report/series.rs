@@ -1,6 +1,6 @@
 //! Which rows form a line of the plot, and what the line is called.
 
-use super::{SweepReport, SweepRow};
+use super::SweepRow;
 use crate::settings::EQUAL_TIME;
 
 /// What was deformed.
@@ -80,8 +80,9 @@ const PARTS: [fn(&SweepRow) -> String; 4] =
     [|row| row.model.clone(), |row| format!("scene {}", row.scene), |row| row.method.clone(), SweepRow::schedule];
 
 impl Labels {
-    pub(super) fn of(rows: &[SweepRow]) -> Self {
-        let varying = PARTS.map(|part| rows.iter().any(|row| part(row) != part(&rows[0])));
+    pub(super) fn of<'r>(rows: impl Iterator<Item = &'r SweepRow>) -> Self {
+        let rows: Vec<&SweepRow> = rows.collect();
+        let varying = PARTS.map(|part| rows.iter().any(|row| part(row) != part(rows[0])));
         let of_cages = || rows.iter().filter(|row| Way::of(row) == Way::Cage).map(|row| &row.start);
         let start_varies = of_cages().any(|start| Some(start) != of_cages().next());
         let said_once = PARTS.iter().zip(varying).filter(|(_, varies)| !varies);
@@ -109,6 +110,8 @@ impl Labels {
 /// A point of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
+    /// Which of the report's rows it is of, from 0.
+    pub(super) row: usize,
     /// At least 1, as a logarithmic axis needs.
     pub(super) cage_vertices: f64,
     /// RMS relative edge error, a fraction.
@@ -149,16 +152,17 @@ pub(super) struct AllSeries {
 }
 
 impl AllSeries {
-    pub(super) fn of(report: &SweepReport) -> Self {
-        let labels = Labels::of(&report.rows);
+    /// Of some of a report's rows, each with its position there.
+    pub(super) fn of<'r>(rows: impl Iterator<Item = (usize, &'r SweepRow)> + Clone) -> Self {
+        let labels = Labels::of(rows.clone().map(|(_, row)| row));
         let (mut sized, mut direct) = (Vec::new(), Vec::new());
         let (mut published, mut published_direct) = (Vec::new(), Vec::new());
         let (mut cases, mut rules, mut schedules, mut direct_schedules) = (vec![], vec![], vec![], vec![]);
         let mut decimated = false;
-        for row in report.rows.iter().filter(|row| row.failure.is_none()) {
+        for (number, row) in rows.filter(|(_, row)| row.failure.is_none()) {
             let key = SeriesKey::of(row);
-            let point =
-                Point { cage_vertices: row.cage_vertices.max(1) as f64, error: row.rms_relative, ms: row.edit_ms() };
+            let cage_vertices = row.cage_vertices.max(1) as f64;
+            let point = Point { row: number, cage_vertices, error: row.rms_relative, ms: row.edit_ms() };
             decimated |= row.is_decimated();
             let case = number_of(&mut cases, (key.model, key.scene));
             let times = (key.steps, key.iterations, key.linear);
@@ -176,9 +180,9 @@ impl AllSeries {
                 None => lines.push(Series { label: labels.label(row), case, rule, schedule, points: vec![point] }),
             }
             if let (Some(error), Some(ms)) = (row.published, row.published_ms) {
-                let point = Point { error, ms, ..point };
-                if !published.contains(&point) {
-                    published.push(point);
+                let same = |p: &Point| (p.cage_vertices, p.error, p.ms) == (cage_vertices, error, ms);
+                if !published.iter().any(same) {
+                    published.push(Point { error, ms, ..point });
                 }
             }
         }

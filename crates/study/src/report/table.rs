@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::columns::{COLUMNS, Cell, Column, Shown};
-use super::{NO_CAGE, SweepReport, SweepRow};
+use super::{Knee, NO_CAGE, SweepReport, SweepRow};
 
 /// How much a Markdown table shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,7 +34,7 @@ impl SweepReport {
     /// A Markdown table with units in its header, errors in percent.
     ///
     /// Above it stands what all rows have in common, each such column said once; a column without any value is left out.
-    /// Below it stand the warnings, by row (numbered from 1), and the notes. Columns are padded, so that it reads as plain text too.
+    /// Below it stand the smallest cages that were looked for, the warnings, by row (numbered from 1), and the notes. Columns are padded, so that it reads as plain text too.
     pub fn to_markdown(&self, detail: Detail) -> String {
         let mut out = String::new();
         if self.rows.is_empty() {
@@ -45,6 +45,9 @@ impl SweepReport {
                 let _ = writeln!(out, "{}\n", table.common.join("; "));
             }
             write_padded(&mut out, &table.lines, &table.numeric);
+        }
+        if !self.knees.is_empty() {
+            let _ = write!(out, "\n{}", Knee::table(&self.knees));
         }
         let remarks = self.remarks();
         if !remarks.is_empty() {
@@ -191,7 +194,7 @@ fn quoted(field: String) -> String {
 }
 
 /// Text that stands as it is in a line or cell of Markdown: nothing in it ends either, marks up or opens an element.
-pub(super) fn in_markdown(text: &str) -> String {
+pub(crate) fn in_markdown(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {

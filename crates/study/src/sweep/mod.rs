@@ -1,12 +1,22 @@
 //! Cage sizes against error and time.
 
+mod error;
+mod folder;
+mod jobs;
 mod rows;
+mod run;
+mod spec;
 
 use pliant_cage::{BindOptions, CageSize, Propagation, Prune};
 use pliant_deform::{ArapOptions, Method};
 use pliant_mesh::TriMesh;
 
+pub use error::SweepError;
+pub use folder::{JobFolder, JobList, JobResult, merge_jobs};
+pub use jobs::{JobEntry, SweepJob, SweepJobs};
 pub use rows::{Made, RowMaker};
+pub use run::RowDone;
+pub use spec::{Preset, SweepCase, SweepSpec};
 
 use crate::paper::paper_sizes;
 use crate::pipeline::Study;

@@ -40,8 +40,8 @@ enum Outcome<'r> {
     Passed,
     /// The edit was made and cannot be used.
     Failure(&'r str),
-    /// What was asked for cannot be done.
-    Error(&'r str),
+    /// What was asked for cannot be done, or Pliant is at fault: the kind and the reason.
+    Error(&'static str, &'r str),
 }
 
 impl SweepReport {
@@ -74,7 +74,7 @@ impl SweepReport {
             Suite { model, scene: Some(scene), cases }
         });
         let refused = self.refused.iter().map(|refusal| {
-            let (name, outcome) = ("read".to_owned(), Outcome::Error(&refusal.reason));
+            let (name, outcome) = ("read".to_owned(), Outcome::Error(FailureKind::Input.name(), &refusal.reason));
             Suite {
                 model: &refusal.model,
                 scene: None,
@@ -155,7 +155,7 @@ impl<'r> Case<'r> {
         let outcome = match &row.failure {
             None => Outcome::Passed,
             Some(Failure { kind: FailureKind::Numeric, reason }) => Outcome::Failure(reason),
-            Some(Failure { kind: FailureKind::Input, reason }) => Outcome::Error(reason),
+            Some(Failure { kind, reason }) => Outcome::Error(kind.name(), reason),
         };
         let mut output = String::new();
         for column in COLUMNS.iter().filter(|column| !NOT_IN_OUTPUT.contains(&column.key)) {
@@ -178,7 +178,7 @@ impl<'r> Case<'r> {
         let outcome = match self.outcome {
             Outcome::Passed => None,
             Outcome::Failure(reason) => Some(("failure", "numeric", reason)),
-            Outcome::Error(reason) => Some(("error", "input", reason)),
+            Outcome::Error(kind, reason) => Some(("error", kind, reason)),
         };
         case.write_inner_content(|xml| {
             if let Some((element, kind, reason)) = outcome {
@@ -213,7 +213,7 @@ impl Counts {
         for case in cases {
             tests += 1;
             failures += usize::from(matches!(case.outcome, Outcome::Failure(_)));
-            errors += usize::from(matches!(case.outcome, Outcome::Error(_)));
+            errors += usize::from(matches!(case.outcome, Outcome::Error(..)));
             seconds += case.seconds;
         }
         let [tests, failures, errors] = [tests, failures, errors].map(|n: usize| n.to_string());

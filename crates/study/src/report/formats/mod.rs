@@ -19,7 +19,7 @@ use super::{Detail, SweepReport, SweepRow};
 
 pub use summary::SUMMARY_BYTES;
 
-/// A form of a report. Read and written by its name: [`Self::ALL`] in the order here is `json`, `csv`, `jsonl`, `md`, `summary`, `svg`,
+/// A form of a report. Read and written by its name: [`Self::ALL`] in the order here is `json`, `csv`, `jsonl`, `md`, `summary`, `svg`, `relative`, `html`,
 /// `junit`, `github-benchmark`, `bencher`, `parquet`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
@@ -36,6 +36,10 @@ pub enum ReportFormat {
     Summary,
     /// [`SweepReport::to_svg`].
     Svg,
+    /// [`SweepReport::to_relative_svg`].
+    Relative,
+    /// [`SweepReport::to_html`].
+    Html,
     /// [`SweepReport::to_junit`].
     Junit,
     /// [`SweepReport::to_github_benchmark`].
@@ -70,13 +74,15 @@ pub enum FormatError {
 
 impl ReportFormat {
     /// Every form.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::Json,
         Self::Csv,
         Self::Jsonl,
         Self::Markdown,
         Self::Summary,
         Self::Svg,
+        Self::Relative,
+        Self::Html,
         Self::Junit,
         Self::GithubBenchmark,
         Self::Bencher,
@@ -92,6 +98,8 @@ impl ReportFormat {
             Self::Markdown => ("md", "md"),
             Self::Summary => ("summary", "summary.md"),
             Self::Svg => ("svg", "svg"),
+            Self::Relative => ("relative", "relative.svg"),
+            Self::Html => ("html", "html"),
             Self::Junit => ("junit", "junit.xml"),
             Self::GithubBenchmark => ("github-benchmark", "github-benchmark.json"),
             Self::Bencher => ("bencher", "bencher.json"),
@@ -148,6 +156,8 @@ impl SweepReport {
             ReportFormat::Markdown => self.to_markdown(Detail::Full),
             ReportFormat::Summary => self.to_summary(SUMMARY_BYTES),
             ReportFormat::Svg => self.to_svg(),
+            ReportFormat::Relative => self.to_relative_svg(),
+            ReportFormat::Html => self.to_html(),
             ReportFormat::Junit => self.to_junit(),
             ReportFormat::GithubBenchmark => self.to_github_benchmark(),
             ReportFormat::Bencher => self.to_bencher(),
@@ -184,7 +194,7 @@ fn row_names<'r>(
 }
 
 /// Text without control characters, breaks of lines and space round it.
-fn on_one_line(text: &str) -> String {
+pub(crate) fn on_one_line(text: &str) -> String {
     let breaks = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{fffe}' | '\u{ffff}');
     text.replace(breaks, " ").trim().to_owned()
 }

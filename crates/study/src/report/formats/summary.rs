@@ -74,7 +74,7 @@ impl SweepReport {
 
     fn knee_section(&self) -> String {
         let found: Vec<Knee> =
-            self.knees(KneeTarget::NoCage(0.1)).into_iter().filter(|knee| knee.found.is_some()).collect();
+            self.find_knees(KneeTarget::NoCage(0.1)).into_iter().filter(|knee| knee.found.is_some()).collect();
         if found.is_empty() {
             return String::new();
         }

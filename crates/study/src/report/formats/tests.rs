@@ -12,7 +12,7 @@ use crate::report::{Failure, FailureKind, Machine, ModelInfo, Refusal, RowTimes,
 fn hard() -> SweepReport {
     let mut report = hostile();
     report.version = HOSTILE.to_owned();
-    report.machine = Some(Machine { cpu: Some(HOSTILE.to_owned()), threads: 2, calibration_ms: None });
+    report.machine = Some(Machine { cpu: Some(HOSTILE.to_owned()), threads: 2, calibration: None });
     report.refused.push(Refusal { model: "]]></testsuite>".to_owned(), reason: HOSTILE.to_owned() });
     report.rows[2].rms_relative = f64::INFINITY;
     report.rows[3].edge_max = f64::NAN;
@@ -168,7 +168,7 @@ fn bencher_has_a_metric_for_each_figure_that_is_there() {
             assert!(metric.keys().all(|key| ["value", "lower_value", "upper_value"].contains(&key.as_str())));
         }
     }
-    let first = &benchmarks["a,\"b\"  c|d <&> $x^2$ é  , scene armadillo-2, arap:cotangent, cage 1500, positions, magnitude:0.03, 20 x 2"];
+    let first = &benchmarks["a,\"b\"  c|d <&> $x^2$ é  , scene armadillo-2, cage 1500, arap:cotangent, positions, magnitude:0.03, 20 x 2"];
     assert_eq!(first["rms-relative-percent"]["value"], 100.0 * report.rows[0].rms_relative);
     assert!(first.get("bind-ms").is_none() && first.get("distance-to-converged-percent").is_none());
     let bound = benchmarks.values().find(|measures| measures.get("bind-ms").is_some()).expect("a binding");

@@ -31,7 +31,7 @@ fn no_cage(error: f64) -> SweepRow {
 
 fn knee_of(rows: Vec<SweepRow>, target: KneeTarget) -> Knee {
     let report = SweepReport { rows, ..SweepReport::default() };
-    let mut knees = report.knees(target);
+    let mut knees = report.find_knees(target);
     assert_eq!(knees.len(), 1);
     knees.remove(0)
 }
@@ -153,7 +153,7 @@ fn series_are_cages_that_differ_in_size_alone() {
     // Both propagations, prune rules and schedules; the rows without a cage are none.
     let mut report = sweep(43_243);
     let names = |report: &SweepReport| -> Vec<String> {
-        report.knees(KneeTarget::Bend).into_iter().map(|knee| knee.series).collect()
+        report.find_knees(KneeTarget::Bend).into_iter().map(|knee| knee.series).collect()
     };
     assert_eq!(names(&report).len(), 8);
     assert_eq!(names(&report)[0], "positions, magnitude:0.03, 20 steps of 2 iterations");
@@ -174,7 +174,7 @@ fn series_are_cages_that_differ_in_size_alone() {
         names(&report).last().map(String::as_str),
         Some("positions, magnitude:0.03, from levels, 20 steps of 2 iterations")
     );
-    assert!(SweepReport::default().knees(KneeTarget::Bend).is_empty());
+    assert!(SweepReport::default().find_knees(KneeTarget::Bend).is_empty());
 }
 
 /// Sizes whose logarithms are evenly spaced over three decades, with an error for each place from 0 to 1.
@@ -275,7 +275,7 @@ fn what_is_found_is_said_in_every_form() {
     let mut rows = series(&[(100, 0.2), (200, 0.05), (400, 0.06), (800, 0.03)]);
     rows.push(no_cage(0.05));
     let report = SweepReport { rows, ..SweepReport::default() };
-    let knees = report.knees(KneeTarget::NoCage(0.1));
+    let knees = report.find_knees(KneeTarget::NoCage(0.1));
     assert_eq!(
         knees[0].to_string(),
         "frames, local:24: 800 (800 vertices), RMS relative 3.00 %; a cage of 200 vertices meets it too, but not every larger one"
@@ -294,7 +294,7 @@ fn what_is_found_is_said_in_every_form() {
         ]
     );
     assert!(table.lines().all(|line| line.matches('|').count() == 7));
-    let none = Knee::table(&report.knees(KneeTarget::Error(0.01)));
+    let none = Knee::table(&report.find_knees(KneeTarget::Error(0.01)));
     assert!(none.ends_with("| no cage meets 1.00 % |\n") && !none.contains("no cage (%)"), "{none}");
     let json = serde_json::to_string(&knees).expect("JSON");
     assert_eq!(serde_json::from_str::<Vec<Knee>>(&json).expect("JSON"), knees);
