@@ -225,7 +225,7 @@ pub(super) const COLUMNS: [Column; 63] = {
         column("kept_max", "kept max", Count, Main(24), |r| made(r, r.kept_max)),
         column("negative_share", "negative weights (%)", Share, Full, |r| Cell::Share(r.negative_share)),
         column("unsafe_rows", "unsafe rows", Count, Full, |r| made(r, r.unsafe_rows)),
-        column("repeats", "repeats", Count, Setting, |r| Cell::Count(r.times.repeats)),
+        column("repeats", "repeats", Count, Setting, |r| made(r, r.times.repeats)),
         column("simplify_ms", "simplify (ms)", Time, Main(12), |r| median(r.times.simplify_ms)),
         column("simplify_ms_min", "simplify, min (ms)", Time, Never, |r| min(r.times.simplify_ms)),
         column("simplify_ms_max", "simplify, max (ms)", Time, Never, |r| max(r.times.simplify_ms)),

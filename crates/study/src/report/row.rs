@@ -3,6 +3,8 @@
 use pliant_mesh::metrics::EdgeErrors;
 use serde::{Deserialize, Serialize};
 
+use crate::settings::{DECIMATED, EQUAL_TIME};
+
 /// What [`SweepRow::cage_asked`], [`SweepRow::propagation`] and [`SweepRow::prune`] hold where the shape is deformed directly.
 pub const NO_CAGE: &str = "none";
 
@@ -254,7 +256,7 @@ impl SweepRow {
 
     /// Whether a decimated mesh was deformed in place of the shape.
     pub fn is_decimated(&self) -> bool {
-        self.cage_asked.starts_with("decimated:") || self.cage_asked.starts_with("equal-time:")
+        is_decimated(&self.cage_asked)
     }
 
     /// What was asked, without model bytes and version: rows of two reports with the same key are to be compared.
@@ -338,6 +340,10 @@ impl SweepRow {
     }
 }
 
+fn is_decimated(cage_asked: &str) -> bool {
+    [DECIMATED, EQUAL_TIME].iter().any(|start| cage_asked.starts_with(start))
+}
+
 /// What a row was asked to be; see [`SweepRow::key`]. Its text names the row to people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RowKey<'a> {
@@ -362,7 +368,11 @@ impl RowKey<'_> {
     /// All but model and scene, in words: `cage 5%, arap, frames, smooth:16, start levels, 1 x 2`.
     pub fn setting(&self) -> String {
         let Self { method, cage, propagation, prune, steps, start, iterations, .. } = *self;
-        let mut parts = vec![if cage == NO_CAGE { "no cage".to_owned() } else { format!("cage {cage}") }];
+        let mut parts = vec![match cage {
+            NO_CAGE => "no cage".to_owned(),
+            decimated if is_decimated(decimated) => decimated.to_owned(),
+            cage => format!("cage {cage}"),
+        }];
         parts.push(method.to_owned());
         if propagation != NO_CAGE {
             parts.extend([propagation.to_owned(), prune.to_owned()]);
@@ -377,6 +387,7 @@ impl RowKey<'_> {
         parts.join(", ")
     }
 }
+
 /// JSON has no NaN and no infinity: they are written as `null`, and `null` is read as NaN.
 pub(super) mod null_is_nan {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};

@@ -1,6 +1,7 @@
 //! Which rows form a line of the plot, and what the line is called.
 
 use super::SweepRow;
+use crate::settings::EQUAL_TIME;
 
 /// What was deformed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,7 +20,7 @@ impl Way {
     fn of(row: &SweepRow) -> Self {
         match row {
             _ if row.is_direct() => Self::Direct,
-            _ if row.cage_asked.starts_with("equal-time:") => Self::EqualTime,
+            _ if row.cage_asked.starts_with(EQUAL_TIME) => Self::EqualTime,
             _ if row.is_decimated() => Self::Decimated,
             _ => Self::Cage,
         }

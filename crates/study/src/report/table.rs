@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::columns::{COLUMNS, Cell, Column, Shown};
-use super::{Knee, SweepReport, SweepRow};
+use super::{Knee, NO_CAGE, SweepReport, SweepRow};
 
 /// How much a Markdown table shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -106,9 +106,13 @@ fn split_columns(rows: &[SweepRow], detail: Detail) -> (Vec<String>, Vec<&'stati
             Shown::Full => detail == Detail::Full,
             Shown::Never => false,
         };
-        let cells: Vec<Cell> = rows.iter().map(column.cell).collect();
-        let first = cells.first().map_or_else(String::new, Cell::rounded);
-        if !shown || cells.iter().all(|cell| cell.exact().is_empty()) {
+        // What a row has not for want of a cage or of figures makes no difference: that is seen elsewhere.
+        let says = |row: &SweepRow| match (column.cell)(row) {
+            Cell::Text(text) if column.shown == Shown::Setting && text == NO_CAGE && column.key != "cage_asked" => None,
+            Cell::Missing if column.shown == Shown::Setting && row.failure.is_some() => None,
+            cell => Some(cell.rounded()),
+        };
+        if !shown || rows.iter().all(|row| (column.cell)(row).exact().is_empty()) {
             continue;
         }
         let can_be_said_once = match column.shown {
@@ -116,7 +120,9 @@ fn split_columns(rows: &[SweepRow], detail: Detail) -> (Vec<String>, Vec<&'stati
             Shown::Setting => true,
             _ => rows.len() > 1,
         };
-        if can_be_said_once && cells.iter().all(|cell| cell.rounded() == first) {
+        let mut said = rows.iter().filter_map(says);
+        let first = said.next().unwrap_or_else(|| NO_CAGE.to_owned());
+        if can_be_said_once && said.all(|other| other == first) {
             common.push(format!("{}: {}", column.heading, in_markdown(&first)));
         } else {
             differing.push(column);

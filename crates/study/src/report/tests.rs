@@ -368,6 +368,21 @@ fn schedules_read_as_sentences() {
     assert_eq!((linear(1), linear(4)), ("linear".to_owned(), "4 steps, linear".to_owned()));
 }
 
+#[test]
+fn a_key_names_what_was_asked() {
+    let row = sweep(43_243).rows[0].clone();
+    let setting = |row: &SweepRow| row.key().setting();
+    assert_eq!(setting(&row), "cage 1500, arap:cotangent, positions, magnitude:0.03, 20 x 2");
+    assert_eq!(row.key().to_string(), format!("shape.obj, scene armadillo-2, {}", setting(&row)));
+    let none = || NO_CAGE.to_owned();
+    let direct = |cage_asked: &str, iterations| {
+        let cage_asked = cage_asked.to_owned();
+        SweepRow { cage_asked, iterations, propagation: none(), prune: none(), start: none(), ..row.clone() }
+    };
+    assert_eq!(setting(&direct(NO_CAGE, None)), "no cage, arap:cotangent, 20 x all");
+    assert_eq!(setting(&direct("decimated:2%", Some(2))), "decimated:2%, arap:cotangent, 20 x 2");
+}
+
 /// A method without iterations shows a dash where one that converged says so; a refusal shows dashes for all that came out, and why.
 #[test]
 fn what_a_row_has_not_is_a_dash() {

@@ -16,21 +16,24 @@ use crate::report::{SweepReport, SweepRow};
 impl SweepReport {
     /// Apache Parquet: a column per field as [`SweepReport::to_csv`] has them, all nullable, each with its `unit` as metadata of the field;
     /// text is UTF-8, counts and bytes unsigned 64-bit integers, other figures doubles. `iterations` is null where they went on until the
-    /// solver converged (and where `linear`). A figure that is not finite is null. The file's own metadata has the report's `schema`, `version` and `machine` (JSON).
-    /// Not compressed, but equal values of a column are stored once.
+    /// solver converged (and where `linear`). A figure that is not finite is null. The file's own metadata has the report's `schema`,
+    /// `version` and `machine` (JSON). Not compressed, but equal values of a column are stored once.
     ///
     /// # Errors
     /// [`FormatError::Parquet`], which would be a fault of Pliant.
     pub fn to_parquet(&self) -> Result<Vec<u8>, FormatError> {
-        let schema = Arc::new(Schema::new(COLUMNS.iter().map(field).collect::<Vec<_>>()));
-        let arrays = COLUMNS.iter().map(|column| array(column, &self.rows)).collect();
-        let batch = RecordBatch::try_new(Arc::clone(&schema), arrays).map_err(parquet::errors::ParquetError::from)?;
         let machine = serde_json::to_string(&self.machine).expect("every key is a string and no value can fail");
         let about = [("schema", &self.schema), ("version", &self.version), ("machine", &machine)];
-        let about = about.map(|(key, value)| KeyValue::new(key.to_owned(), value.clone()));
+        let about = about.map(|(key, value)| (key.to_owned(), value.clone()));
+        // Twice, as readers built on Arrow take it from Arrow's schema and all others from the file's footer.
+        let footer = about.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone())).collect();
+        let fields: Vec<Field> = COLUMNS.iter().map(field).collect();
+        let schema = Arc::new(Schema::new_with_metadata(fields, HashMap::from(about)));
+        let arrays = COLUMNS.iter().map(|column| array(column, &self.rows)).collect();
+        let batch = RecordBatch::try_new(Arc::clone(&schema), arrays).map_err(parquet::errors::ParquetError::from)?;
         let properties = WriterProperties::builder()
             .set_created_by(format!("pliant {}", env!("CARGO_PKG_VERSION")))
-            .set_key_value_metadata(Some(about.to_vec()))
+            .set_key_value_metadata(Some(footer))
             .build();
         let mut bytes = Vec::new();
         let mut writer = ArrowWriter::try_new(&mut bytes, schema, Some(properties))?;

@@ -175,24 +175,42 @@ fn bencher_has_a_metric_for_each_figure_that_is_there() {
     assert_eq!(bound["bind-ms"], serde_json::json!({ "value": 2.0, "lower_value": 1.0, "upper_value": 4.0 }));
 }
 
-type Rule = (&'static str, &'static [&'static str], &'static [&'static str], &'static [&'static str]);
+/// What both schemas allow in an element.
+struct Rule {
+    element: &'static str,
+    /// In the order that Surefire's demands.
+    children: &'static [&'static str],
+    attributes: &'static [&'static str],
+    /// Of these.
+    required: &'static [&'static str],
+}
 
-/// Elements that both schemas allow in an element, in the order that Surefire's demands, and attributes: all that may be, then those that must.
+const fn rule(
+    element: &'static str,
+    children: &'static [&'static str],
+    attributes: &'static [&'static str],
+    required: &'static [&'static str],
+) -> Rule {
+    Rule { element, children, attributes, required }
+}
+
+const COUNTS: &[&str] = &["name", "tests", "errors", "skipped", "failures"];
+
 const RULES: [Rule; 9] = [
-    ("testsuites", &["testsuite"], &["name", "time", "tests", "failures", "errors"], &[]),
-    (
-        "testsuite",
-        &["properties", "testcase"],
-        &["name", "time", "tests", "errors", "skipped", "failures"],
-        &["name", "tests", "errors", "skipped", "failures"],
+    rule("testsuites", &["testsuite"], &["name", "time", "tests", "failures", "errors"], &[]),
+    rule("testsuite", &["properties", "testcase"], &["name", "time", "tests", "errors", "skipped", "failures"], COUNTS),
+    rule("properties", &["property"], &[], &[]),
+    rule("property", &[], &["name", "value"], &["name", "value"]),
+    rule(
+        "testcase",
+        &["failure", "error", "system-out", "system-err"],
+        &["name", "classname", "time"],
+        &["name", "time"],
     ),
-    ("properties", &["property"], &[], &[]),
-    ("property", &[], &["name", "value"], &["name", "value"]),
-    ("testcase", &["failure", "error", "system-out", "system-err"], &["name", "classname", "time"], &["name", "time"]),
-    ("failure", &[], &["message", "type"], &["type"]),
-    ("error", &[], &["message", "type"], &["type"]),
-    ("system-out", &[], &[], &[]),
-    ("system-err", &[], &[], &[]),
+    rule("failure", &[], &["message", "type"], &["type"]),
+    rule("error", &[], &["message", "type"], &["type"]),
+    rule("system-out", &[], &[], &[]),
+    rule("system-err", &[], &[], &[]),
 ];
 
 #[test]
@@ -203,15 +221,17 @@ fn junit_is_as_the_schemas_of_jenkins_and_surefire_want_it() {
         assert_eq!(document.root_element().tag_name().name(), "testsuites");
         for node in document.root_element().descendants().filter(roxmltree::Node::is_element) {
             let name = node.tag_name().name();
-            let (_, children, may, must) = RULES.iter().find(|rule| rule.0 == name).unwrap_or_else(|| panic!("{name}"));
+            let rule = RULES.iter().find(|rule| rule.element == name).unwrap_or_else(|| panic!("{name}"));
             let places: Vec<usize> = node
                 .children()
                 .filter(roxmltree::Node::is_element)
-                .map(|child| children.iter().position(|name| *name == child.tag_name().name()).expect("allowed here"))
+                .map(|child| {
+                    rule.children.iter().position(|name| *name == child.tag_name().name()).expect("allowed here")
+                })
                 .collect();
             assert!(places.is_sorted(), "{name}");
-            assert!(node.attributes().all(|attribute| may.contains(&attribute.name())), "{name}");
-            assert!(must.iter().all(|attribute| node.has_attribute(*attribute)), "{name}");
+            assert!(node.attributes().all(|attribute| rule.attributes.contains(&attribute.name())), "{name}");
+            assert!(rule.required.iter().all(|attribute| node.has_attribute(*attribute)), "{name}");
             // Digits, a point and three digits: no exponent, no sign, no word.
             if let Some((whole, decimals)) = node.attribute("time").map(|time| time.split_once('.').expect("decimals"))
             {
