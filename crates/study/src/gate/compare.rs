@@ -46,7 +46,7 @@ pub fn compare_reports(baseline: &SweepReport, now: &SweepReport, tolerances: &T
     changes.sort_by(|a, b| a.kind.cmp(&b.kind).then_with(|| worst_first(a, b)));
     let verdicts = changes.iter().filter(|change| change.kind.is_regression());
     let verdict = verdicts.map(|change| change.failure.as_ref().map_or(Verdict::Regression, verdict_of)).max();
-    if verdict.is_none() && changes.iter().any(|change| is_to_keep(change)) {
+    if verdict.is_none() && changes.iter().any(is_to_keep) {
         notes.push(
             "Something is better than the baseline says: write a new one, so that it stays so (--update).".to_owned(),
         );
