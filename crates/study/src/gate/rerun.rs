@@ -7,7 +7,6 @@ use std::time::Duration;
 use pliant_mesh::{Bounds, Silent};
 
 use super::{Change, ChangeKind, GateError, GateReport, Tolerances, compare_reports};
-use crate::calibrate::calibrate;
 use crate::model::Model;
 use crate::report::{Calibration, Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread, SweepReport, SweepRow};
 use crate::settings::{Iterations, Schedule, Setting, StartFrom};
@@ -80,7 +79,8 @@ impl<'b> Rerun<'b> {
         }
         let jobs = baseline.rows.iter().map(|row| {
             let job = SweepJob::loose(places.model(&row.model)?, &row.model, places.scene(row)?, setting_of(row)?);
-            let common = (row.distance_to_converged.is_some(), row.refine_steps.unwrap_or(0), row.times.repeats);
+            let repeats = row.times.repeats.min(MOST);
+            let common = (row.distance_to_converged.is_some(), row.refine_steps.unwrap_or(0), repeats);
             Ok((job, common))
         });
         Ok(Self { baseline, jobs: jobs.collect::<Result<_, GateError>>()?, refused: Vec::new() })
@@ -105,7 +105,7 @@ impl<'b> Rerun<'b> {
         done: &mut dyn FnMut(RowDone<'_>),
     ) -> Result<Checked, SweepError> {
         let all: Vec<usize> = (0..self.jobs.len()).collect();
-        let mut runs = vec![calibrate(), calibrate()];
+        let mut runs = Vec::new();
         let mut report = SweepReport { refused: self.refused.clone(), ..SweepReport::new(Vec::new()) };
         for (model, row) in self.make(&all, options, true, stages, &mut runs, done)? {
             if report.models.iter().all(|known| known.name != model.name) {
@@ -145,12 +145,14 @@ impl<'b> Rerun<'b> {
     ) -> Result<(), SweepError> {
         let again = self.make(chosen, options, false, stages, runs, done)?;
         for (&at, (_, row)) in chosen.iter().zip(again) {
-            keep_smallest(&mut report.rows[at].times, &row.times);
+            if let Some(kept) = report.rows.get_mut(at) {
+                keep_smallest(&mut kept.times, &row.times);
+            }
         }
         Ok(())
     }
 
-    /// Makes some rows, with a calibration after each.
+    /// Makes some rows, and adds to the calibrations.
     fn make(
         &self,
         chosen: &[usize],
@@ -169,11 +171,9 @@ impl<'b> Rerun<'b> {
         for group in chosen.chunk_by(|a, b| common(*a) == common(*b)) {
             let jobs = SweepJobs::loose(group.iter().map(|&k| self.jobs[k].0.clone()).collect(), common(group[0]));
             let (before, numbers) = (made.len(), (0..group.len()).collect::<Vec<_>>());
-            let mut told = |row: RowDone<'_>| {
-                runs.push(calibrate());
-                done(RowDone { done: before + row.done, total: chosen.len(), ..row });
-            };
+            let mut told = |row: RowDone<'_>| done(RowDone { done: before + row.done, total: chosen.len(), ..row });
             let results = jobs.run(&numbers, None, stages, &mut told)?;
+            runs.extend(results.iter().filter_map(|result| result.machine.calibration));
             made.extend(results.into_iter().map(|result| (result.model, result.row)));
         }
         Ok(made)
@@ -254,6 +254,9 @@ impl Places {
     }
 }
 
+/// More steps than anyone would wait for, as of a sweep.
+const MOST: usize = 10_000;
+
 /// What a row was asked to be.
 fn setting_of(row: &SweepRow) -> Result<Setting, GateError> {
     let bad = |reason: String| GateError::Row { row: row.key().to_string(), reason };
@@ -264,6 +267,9 @@ fn setting_of(row: &SweepRow) -> Result<Setting, GateError> {
         Some(n) => n.to_string().parse().map_err(|error: crate::StudyError| bad(error.to_string()))?,
         None => Iterations::Converged,
     };
+    if !(1..=MOST).contains(&row.steps) || row.refine_steps.is_some_and(|steps| steps > MOST) {
+        return Err(bad(format!("its steps are not 1 to {MOST}")));
+    }
     let or_default = |text: &str| (text != NO_CAGE && !text.is_empty()).then(|| text.to_owned());
     let start = or_default(&row.start).map_or(Ok(StartFrom::default()), |text| text.parse());
     let propagation = or_default(&row.propagation).map_or(Ok(Default::default()), |text| text.parse());

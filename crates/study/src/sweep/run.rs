@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -15,7 +15,7 @@ use crate::calibrate::calibrate;
 use crate::model::Model;
 use crate::pictures::{draw_pose, usual_view};
 use crate::pipeline::Study;
-use crate::report::{Failure, FailureKind, Machine, ModelInfo, SweepReport, SweepRow};
+use crate::report::{Calibration, Failure, FailureKind, Machine, ModelInfo, SweepReport, SweepRow};
 use crate::stages::Stages;
 use crate::sweep::folder::JOB_SCHEMA;
 
@@ -97,10 +97,10 @@ impl SweepJobs {
         told: &mut dyn FnMut(JobResult, bool),
     ) -> Result<(), SweepError> {
         let mut finished: Vec<Option<JobResult>> = group.iter().map(|job| self.finished(job, folder)).collect();
-        let (mut place, mut machine) = (None, Machine::this());
+        let (mut place, mut machine, mut calibrated) = (None, Machine::this(), Instant::now());
         if finished.iter().any(Option::is_none) {
             place = group.first().map(|job| self.open(job, stages));
-            machine.calibration = Some(calibrate());
+            machine.calibration = Calibration::of(&[calibrate(), calibrate()]);
         }
         let model = place.as_ref().and_then(|place| place.as_ref().ok());
         let study = model.map(|place| place.study(self, group[0], folder, stages));
@@ -109,6 +109,9 @@ impl SweepJobs {
             if let Some(result) = finished.take() {
                 told(result, true);
                 continue;
+            }
+            if calibrated.elapsed() > CALIBRATED_FOR {
+                (machine.calibration, calibrated) = (Some(calibrate()), Instant::now());
             }
             let failed = |failure: &Failure| {
                 let vertices = model.map_or(0, |place| place.model.mesh.vertex_count());
@@ -168,6 +171,9 @@ impl SweepJobs {
         Ok(Place { model, info, scene })
     }
 }
+
+/// What else a machine does, and so how fast it seems, may have changed after this long.
+const CALIBRATED_FOR: Duration = Duration::from_secs(1);
 
 /// A model and a scene.
 struct Place {
