@@ -205,6 +205,26 @@ fn points_and_later_steps_are_refined_as_well() {
     }
 }
 
+/// A refinement while the next step is under way is where that goes on from, as in a replay.
+#[test]
+fn a_step_under_way_goes_on_from_what_is_refined() {
+    let mesh = shapes::creature(4000).expect("valid");
+    for levels in [false, true] {
+        let mut editor = Editor::open(mesh.clone(), options(levels), &Silent).expect("valid");
+        editor.set_region(Some(between(&mesh, 0.3, 1.0))).expect("valid");
+        let handle = editor.grab(Grip::Vertices(between(&mesh, 0.9, 1.0))).expect("valid");
+        for degrees in [50.0, -20.0] {
+            editor.drag(handle, turn(&mesh, degrees)).expect("valid");
+            editor.update(std::time::Duration::ZERO).expect("solvable");
+            _ = editor.refine_with(|report| report.steps < 60);
+            editor.release("turn").expect("solvable");
+        }
+        assert!(editor.steps()[0].refined > 0);
+        let again = Editor::replay(&editor.document("creature"), mesh.clone(), &Silent).expect("same mesh");
+        assert!(bits(again.positions()) == bits(editor.positions()));
+    }
+}
+
 /// Steps in the motions of the cage come first on the shape, whether there are levels or not.
 #[test]
 fn steps_in_the_cages_motions_lower_the_energy() {

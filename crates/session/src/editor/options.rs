@@ -15,7 +15,7 @@ pub struct EditorOptions {
     /// Solves of a release after the first, each from the pose of the last, until the cage stands still. Default: 20.
     pub release_solves: u32,
     /// From so many free vertices on, a refinement goes through coarser levels of the shape first, each of a quarter of the vertices, down
-    /// to the size of the cage ([`Editor::refine`](super::Editor::refine)); `None` for never. Default: 200,000.
+    /// to the size of the cage ([`Editor::refine`](super::Editor::refine)); `None` for never. Default: 100,000.
     pub levels_from: Option<usize>,
     /// Steps of a refinement in the motions of the cage (`W^T L W` factored once), before the full ones on the shape. Default: 0, as they
     /// cost more than they save (`cargo bench --bench refine`).
@@ -31,7 +31,7 @@ impl Default for EditorOptions {
             bind: BindOptions::default(),
             method: Method::default(),
             release_solves: 20,
-            levels_from: Some(200_000),
+            levels_from: Some(100_000),
             subspace_steps: 0,
             history_bytes: 512 << 20,
         }

@@ -2,13 +2,13 @@
 
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
 use pliant_deform::StepKind;
-use pliant_mesh::metrics::edge_errors;
 use pliant_mesh::{Progress, Silent};
 
+use super::Editor;
 use super::descent::bind_options;
-use super::refining::{Means, Refining, Step};
-use super::{Editor, Pose};
+use super::refining::{Means, Refining, Released, Step};
 use crate::{Levels, SessionError};
 
 /// How far a refinement has come.
@@ -72,15 +72,12 @@ impl Editor {
     /// # Errors
     /// As [`Self::refine`].
     pub fn refine_with(&mut self, mut goes_on: impl FnMut(&RefineReport) -> bool) -> Result<Refinement, SessionError> {
-        let (topology, mut pose) = (self.rest.shared_topology(), self.base.shape.clone());
-        let Some(released) = &self.released else { return Err(SessionError::NothingToRefine) };
-        let began = released.began.shape.clone();
+        let mut pose = self.base.shape.clone();
         self.refine_while(|refining, step| {
             // What cannot be written ends the refinement with its error.
             let written = refining.positions(&mut pose).is_ok();
-            let rms_relative = edge_errors(&topology, &began, &pose).rms_relative;
+            let (steps, rms_relative) = (refining.steps, refining.rms_relative(&pose));
             let Step { level, vertices, kind, energy, elapsed, .. } = *step;
-            let steps = refining.steps;
             written && goes_on(&RefineReport { steps, level, vertices, kind, energy, rms_relative, elapsed })
         })
     }
@@ -105,33 +102,32 @@ impl Editor {
         self.refine_while(|refining, _| refining.steps < steps)
     }
 
-    fn refine_while(&mut self, goes_on: impl FnMut(&Refining, &Step) -> bool) -> Result<Refinement, SessionError> {
+    fn refine_while(&mut self, goes_on: impl FnMut(&mut Refining, &Step) -> bool) -> Result<Refinement, SessionError> {
         let begun = Instant::now();
-        let goes_through_levels =
-            self.released.as_ref().is_some_and(|r| r.refining.is_none() && r.held.on_levels.is_some());
-        if goes_through_levels && self.prepare_levels(&Silent).is_err() {
+        let Some(Released { held, refining, .. }) = &self.released else { return Err(SessionError::NothingToRefine) };
+        if refining.is_none() && held.on_levels.is_some() && self.prepare_levels(&Silent).is_err() {
             self.shape_levels = Some(Levels::default());
         }
-        let mut refined = self.base.clone();
-        let made = self.refine_pose(&mut refined, goes_on);
-        let made = made.inspect_err(|_| self.released = None)?;
-        if let (Some(step), Some(refining)) =
-            (self.steps.last_mut(), self.released.as_ref().and_then(|r| r.refining.as_ref()))
-        {
-            step.refined = refining.steps;
+        let made = self.refine_shape(goes_on);
+        let (made, shape) = made.inspect_err(|_| self.released = None)?;
+        if let (Some(step), Some(released)) = (self.steps.last_mut(), &self.released) {
+            step.refined = released.refining.as_ref().map_or(0, |refining| refining.steps);
         }
-        self.history.amend(self.base.arrays(), refined.arrays());
-        self.base = refined;
-        self.current.copy_from(&self.base);
+        if let Some(shape) = shape {
+            self.history.amend(self.base.arrays(), [&shape, &self.base.cage]);
+            self.base.shape = shape;
+            self.current.copy_from(&self.base);
+            // A step under way goes on from here.
+            self.prepared = None;
+        }
         Ok(Refinement { elapsed: begun.elapsed(), ..made })
     }
 
-    /// Refines `pose`, which is the one at the end of the last step.
-    fn refine_pose(
+    /// Does the steps, and gives the shape they leave if it is another.
+    fn refine_shape(
         &mut self,
-        pose: &mut Pose,
-        mut goes_on: impl FnMut(&Refining, &Step) -> bool,
-    ) -> Result<Refinement, SessionError> {
+        mut goes_on: impl FnMut(&mut Refining, &Step) -> bool,
+    ) -> Result<(Refinement, Option<Vec<DVec3>>), SessionError> {
         let Some(released) = &mut self.released else { return Err(SessionError::NothingToRefine) };
         let refining = match &mut released.refining {
             Some(refining) => refining,
@@ -143,10 +139,10 @@ impl Editor {
                     binding: &self.bound.binding,
                     subspace_steps: self.options.subspace_steps,
                 };
-                empty.insert(Refining::new(&rest, &released.held, &pose.shape, &means)?)
+                empty.insert(Refining::new(rest, &released.held, &self.base.shape, &means)?)
             }
         };
-        let (before, first) = (refining.energy, refining.steps);
+        let (first, before, changes) = (refining.steps, refining.energy, refining.changes);
         let settled = loop {
             let step = refining.step()?;
             // Told of the last step, too.
@@ -154,14 +150,18 @@ impl Editor {
                 break step.settled;
             }
         };
-        refining.positions(&mut pose.shape)?;
-        let rms_relative = edge_errors(self.rest.topology(), &released.began.shape, &pose.shape).rms_relative;
-        Ok(Refinement {
+        let mut shape = None;
+        if refining.changes != changes {
+            let pose = shape.insert(self.base.shape.clone());
+            refining.positions(pose)?;
+        }
+        let refinement = Refinement {
             steps: refining.steps - first,
             energy: [before, refining.energy],
-            rms_relative,
+            rms_relative: refining.rms_relative(shape.as_deref().unwrap_or(&self.base.shape)),
             settled,
             elapsed: Duration::ZERO,
-        })
+        };
+        Ok((refinement, shape))
     }
 }

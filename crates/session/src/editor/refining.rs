@@ -6,6 +6,7 @@ use glam::DVec3;
 use pliant_cage::Binding;
 use pliant_deform::{ArapOptions, DeformError, Goals, Method, RefineOptions, Refiner, StepKind};
 use pliant_mesh::TriMesh;
+use pliant_mesh::metrics::edge_errors;
 
 use super::Pose;
 use super::descent::Descent;
@@ -37,7 +38,8 @@ pub(super) struct Means<'a> {
 /// energy. So what a number of steps comes to does not depend on stops, and is no worse than what fewer came to.
 pub(super) struct Refining {
     shape: Refiner,
-    vertices: usize,
+    /// The shape where the step began.
+    rest: TriMesh,
     goals: Goals,
     descent: Option<Descent>,
     /// The best pose from a level, if it is better than that at first.
@@ -50,6 +52,10 @@ pub(super) struct Refining {
     subspace_steps: u32,
     /// Steps since it began.
     pub(super) steps: u32,
+    /// How often what a stop would leave has become another.
+    pub(super) changes: u32,
+    /// Error of the shape, and after which change.
+    error: Option<(u32, f64)>,
 }
 
 /// What a step came to.
@@ -67,9 +73,9 @@ pub(super) struct Step {
 
 impl Refining {
     /// Makes ready to refine a pose of the shape, of which `rest` is where the step began.
-    pub(super) fn new(rest: &TriMesh, held: &OnShape, pose: &[DVec3], means: &Means<'_>) -> Result<Self, DeformError> {
+    pub(super) fn new(rest: TriMesh, held: &OnShape, pose: &[DVec3], means: &Means<'_>) -> Result<Self, DeformError> {
         let options = options(means.method);
-        let mut shape = Refiner::prepare(rest, &held.region, &options)?;
+        let mut shape = Refiner::prepare(&rest, &held.region, &options)?;
         if means.subspace_steps > 0 {
             shape.set_subspace(means.binding.cage_vertex_count(), |v| means.binding.row(v))?;
         }
@@ -80,7 +86,7 @@ impl Refining {
             .map(|(levels, on_levels)| Descent::new(levels, &rest.positions, pose, on_levels, &held.region, &options));
         Ok(Self {
             shape,
-            vertices: rest.vertex_count(),
+            rest,
             goals: held.goals.clone(),
             descent,
             best: None,
@@ -88,6 +94,8 @@ impl Refining {
             energy,
             subspace_steps: means.subspace_steps,
             steps: 0,
+            changes: 0,
+            error: None,
         })
     }
 
@@ -118,6 +126,7 @@ impl Refining {
         self.at_best = match made {
             Ok(energy) if energy < self.energy => {
                 (self.energy, self.best) = (energy, Some(pose));
+                self.changes += 1;
                 true
             }
             _ => false,
@@ -143,9 +152,10 @@ impl Refining {
             self.shape.step()?
         };
         self.energy = step.energy.min(self.energy);
+        self.changes += 1;
         Ok(Step {
             level: 0,
-            vertices: self.vertices,
+            vertices: self.rest.vertex_count(),
             kind: step.kind,
             energy: step.energy,
             elapsed: step.elapsed,
@@ -161,6 +171,18 @@ impl Refining {
             (Some(_), None) => {}
         }
         Ok(())
+    }
+
+    /// Root mean square of relative edge length changes in `pose`, which is what a stop would leave.
+    pub(super) fn rms_relative(&mut self, pose: &[DVec3]) -> f64 {
+        match self.error {
+            Some((at, error)) if at == self.changes => error,
+            _ => {
+                let error = edge_errors(self.rest.topology(), &self.rest.positions, pose).rms_relative;
+                self.error = Some((self.changes, error));
+                error
+            }
+        }
     }
 }
 
