@@ -9,8 +9,6 @@ use crate::metrics::{FaceTree, closest_on_triangle, largest};
 #[derive(Clone, Copy)]
 struct Piece {
     corners: [DVec3; 3],
-    /// Where the corners are on the same face of the other pose.
-    twins: [DVec3; 3],
     /// A face of the other surface near the middle.
     near: u32,
     /// No point of the piece is farther from the other surface.
@@ -72,12 +70,8 @@ fn open_faces(
         open.select_nth_unstable_by(limit, |f, g| bounds[*g].total_cmp(&bounds[*f]).then(f.cmp(g)));
         open.truncate(limit);
     }
-    let whole = |&face: &usize| Piece {
-        corners: own.corners(face),
-        twins: other.corners(face),
-        near: samples.centroids[face].face,
-        bound: bounds[face],
-    };
+    let whole =
+        |&face: &usize| Piece { corners: own.corners(face), near: samples.centroids[face].face, bound: bounds[face] };
     let pieces = open.iter().map(whole).collect();
     let mut others = bounds;
     open.into_iter().for_each(|face| others[face] = 0.0);
@@ -100,10 +94,11 @@ fn face_bound(own: &Surface, other: &Surface, samples: &Samples, face: usize, mo
     if rough <= most {
         return rough;
     }
+    // The same point of the other pose is no farther than it moved: convex again.
     let twins = other.corners(face);
-    let faces = samples.corners(own.triangles[face]).into_iter().chain([near]).map(|near| near.face);
-    let to_faces = faces.map(|near| to_face(corners, &other.tree, near));
-    to_faces.fold(rough.min(to_twins(corners, twins)), f64::min)
+    let moved = largest([0, 1, 2].map(|k| corners[k].distance(twins[k])));
+    let near = samples.corners(own.triangles[face]).into_iter().chain([near]);
+    near.map(|near| to_face(corners, &other.tree, near.face)).fold(rough.min(moved), f64::min)
 }
 
 /// The largest distance of a point of a triangle to a face: as the distance to a convex set is convex, that of a corner.
@@ -112,22 +107,16 @@ fn to_face(corners: [DVec3; 3], tree: &FaceTree, face: u32) -> f64 {
     largest(corners.map(|p| p.distance(closest_on_triangle(p, face))))
 }
 
-/// The largest distance between a point of a triangle and the point of another with the same weights of corners: convex again.
-fn to_twins(corners: [DVec3; 3], twins: [DVec3; 3]) -> f64 {
-    largest([0, 1, 2].map(|k| corners[k].distance(twins[k])))
-}
-
 impl Piece {
     /// Both parts of the piece, split across its longest edge.
     fn halves(&self) -> [Self; 2] {
         let length = |k: usize| self.corners[k].distance_squared(self.corners[(k + 1) % 3]);
         let longest = (1..3).fold(0, |longest, k| if length(k) > length(longest) { k } else { longest });
         let ends = [longest, (longest + 1) % 3];
-        let middle = |of: &[DVec3; 3]| 0.5 * (of[ends[0]] + of[ends[1]]);
-        let (corner, twin) = (middle(&self.corners), middle(&self.twins));
+        let middle = 0.5 * (self.corners[ends[0]] + self.corners[ends[1]]);
         ends.map(|end| {
             let mut half = *self;
-            (half.corners[end], half.twins[end]) = (corner, twin);
+            half.corners[end] = middle;
             half
         })
     }
@@ -135,8 +124,7 @@ impl Piece {
     /// The piece with a bound of its own, and the distance of its centroid: 0 where it was not found in time, or the bound is at most
     /// `enough` without it.
     fn measured(mut self, other: &FaceTree, enough: f64) -> (Self, f64) {
-        let before = to_face(self.corners, other, self.near);
-        self.bound = self.bound.min(before).min(to_twins(self.corners, self.twins));
+        self.bound = self.bound.min(to_face(self.corners, other, self.near));
         if self.bound <= enough {
             return (self, 0.0);
         }
