@@ -21,7 +21,7 @@ const BATCH: usize = 1024;
 /// The largest distance that was found of a point of one surface to the other, and a bound of all such distances. Those pieces that may hold
 /// the farthest points are split until both are within `tolerance`, as a share of the first, or `limit` splits are done.
 pub(super) fn farthest(own: &Surface, other: &Surface, samples: &Samples, tolerance: f64, limit: usize) -> (f64, f64) {
-    let Some(mut most) = farthest_sample(own, &other.tree, samples) else {
+    let Some(mut most) = samples.max(own, &other.tree) else {
         return (0.0, 0.0);
     };
     // What rounding alone may put between a distance and its bound.
@@ -76,14 +76,6 @@ fn open_faces(
     let mut others = bounds;
     open.into_iter().for_each(|face| others[face] = 0.0);
     (pieces, largest(others).max(most))
-}
-
-/// The exact distance of the sample that is, or was taken to be, the farthest; `None` without faces.
-fn farthest_sample(own: &Surface, other: &FaceTree, samples: &Samples) -> Option<f64> {
-    let vertices = own.triangles.iter().flatten().map(|v| (samples.vertices[*v as usize], own.positions[*v as usize]));
-    let centroids = (0..own.triangles.len()).map(|f| (samples.centroids[f], centroid(own.corners(f))));
-    let (near, point) = vertices.chain(centroids).reduce(|a, b| if b.0.distance > a.0.distance { b } else { a })?;
-    Some(other.nearest_from(point, Some(near.face))?.1)
 }
 
 /// What the distance of no point of a face exceeds; only roughly where that is at most `most`, the largest distance known.
