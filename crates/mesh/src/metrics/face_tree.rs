@@ -60,10 +60,12 @@ impl FaceTree {
     /// If a face names a vertex that has no position.
     pub fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let corners: Vec<[DVec3; 3]> = triangles.par_iter().map(|t| t.map(|v| positions[v as usize])).collect();
-        let mut order: Vec<u32> = (0..corners.len() as u32).collect();
+        let middle = |(face, corners): (usize, &[DVec3; 3])| (corners.iter().sum(), face as u32);
+        let mut middles: Vec<(DVec3, u32)> = corners.par_iter().enumerate().map(middle).collect();
         let empty = Bounds { min: DVec3::ZERO, max: DVec3::ZERO };
         let mut splits = vec![[empty; 2]; corners.len().saturating_sub(1)];
-        let all = arrange(&corners, &mut order, &mut splits);
+        let all = arrange(&corners, &mut middles, &mut splits);
+        let order = middles.into_iter().map(|(_, face)| face).collect();
         Self { corners, order, splits, size: all.min.abs().max(all.max.abs()).max_element() }
     }
 
@@ -176,22 +178,20 @@ fn square_to_box(point: DVec3, Bounds { min, max }: Bounds) -> f64 {
     (min - point).max(point - max).max(DVec3::ZERO).length_squared()
 }
 
-/// Sorts faces from left to right, fills in their splits, and returns the box round all.
-fn arrange(corners: &[[DVec3; 3]], faces: &mut [u32], splits: &mut [[Bounds; 2]]) -> Bounds {
+/// Sorts faces, each with three times its middle, from left to right, fills in their splits, and returns the box round all.
+fn arrange(corners: &[[DVec3; 3]], faces: &mut [(DVec3, u32)], splits: &mut [[Bounds; 2]]) -> Bounds {
     /// Below this, handing work to another thread costs more than it saves.
     const ALONE: usize = 4096;
     if faces.len() <= 1 {
-        return faces.first().map_or(Bounds::of(&[]), |&f| Bounds::of(&corners[f as usize]));
+        return faces.first().map_or(Bounds::of(&[]), |(_, f)| Bounds::of(&corners[*f as usize]));
     }
-    // Three times the middle.
-    let middle = |f: u32| corners[f as usize].iter().sum::<DVec3>();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for &f in faces.iter() {
-        (low, high) = (low.min(middle(f)), high.max(middle(f)));
+    for (middle, _) in faces.iter() {
+        (low, high) = (low.min(*middle), high.max(*middle));
     }
     let axis = (high - low).max_position();
     let half = faces.len() / 2;
-    faces.select_nth_unstable_by(half, |&f, &g| middle(f)[axis].total_cmp(&middle(g)[axis]).then(f.cmp(&g)));
+    faces.select_nth_unstable_by(half, |(p, f), (q, g)| p[axis].total_cmp(&q[axis]).then(f.cmp(g)));
     let (left, right) = faces.split_at_mut(half);
     let (own, below) = splits.split_at_mut(1);
     let (left_splits, right_splits) = below.split_at_mut(half - 1);

@@ -9,8 +9,6 @@ use crate::metrics::{FaceTree, closest_on_triangle, largest};
 #[derive(Clone, Copy)]
 struct Piece {
     corners: [DVec3; 3],
-    /// Where the corners are on the same face of the other pose.
-    twins: [DVec3; 3],
     /// A face of the other surface near the middle.
     near: u32,
     /// No point of the piece is farther from the other surface.
@@ -23,7 +21,7 @@ const BATCH: usize = 1024;
 /// The largest distance that was found of a point of one surface to the other, and a bound of all such distances. Those pieces that may hold
 /// the farthest points are split until both are within `tolerance`, as a share of the first, or `limit` splits are done.
 pub(super) fn farthest(own: &Surface, other: &Surface, samples: &Samples, tolerance: f64, limit: usize) -> (f64, f64) {
-    let Some(mut most) = farthest_sample(own, &other.tree, samples) else {
+    let Some(mut most) = samples.max(own, &other.tree) else {
         return (0.0, 0.0);
     };
     // What rounding alone may put between a distance and its bound.
@@ -72,24 +70,12 @@ fn open_faces(
         open.select_nth_unstable_by(limit, |f, g| bounds[*g].total_cmp(&bounds[*f]).then(f.cmp(g)));
         open.truncate(limit);
     }
-    let whole = |&face: &usize| Piece {
-        corners: own.corners(face),
-        twins: other.corners(face),
-        near: samples.centroids[face].face,
-        bound: bounds[face],
-    };
+    let whole =
+        |&face: &usize| Piece { corners: own.corners(face), near: samples.centroids[face].face, bound: bounds[face] };
     let pieces = open.iter().map(whole).collect();
     let mut others = bounds;
     open.into_iter().for_each(|face| others[face] = 0.0);
     (pieces, largest(others).max(most))
-}
-
-/// The exact distance of the sample that is, or was taken to be, the farthest; `None` without faces.
-fn farthest_sample(own: &Surface, other: &FaceTree, samples: &Samples) -> Option<f64> {
-    let vertices = own.triangles.iter().flatten().map(|v| (samples.vertices[*v as usize], own.positions[*v as usize]));
-    let centroids = (0..own.triangles.len()).map(|f| (samples.centroids[f], centroid(own.corners(f))));
-    let (near, point) = vertices.chain(centroids).reduce(|a, b| if b.0.distance > a.0.distance { b } else { a })?;
-    Some(other.nearest_from(point, Some(near.face))?.1)
 }
 
 /// What the distance of no point of a face exceeds; only roughly where that is at most `most`, the largest distance known.
@@ -100,10 +86,11 @@ fn face_bound(own: &Surface, other: &Surface, samples: &Samples, face: usize, mo
     if rough <= most {
         return rough;
     }
+    // The same point of the other pose is no farther than it moved: convex again.
     let twins = other.corners(face);
-    let faces = samples.corners(own.triangles[face]).into_iter().chain([near]).map(|near| near.face);
-    let to_faces = faces.map(|near| to_face(corners, &other.tree, near));
-    to_faces.fold(rough.min(to_twins(corners, twins)), f64::min)
+    let moved = largest([0, 1, 2].map(|k| corners[k].distance(twins[k])));
+    let near = samples.corners(own.triangles[face]).into_iter().chain([near]);
+    near.map(|near| to_face(corners, &other.tree, near.face)).fold(rough.min(moved), f64::min)
 }
 
 /// The largest distance of a point of a triangle to a face: as the distance to a convex set is convex, that of a corner.
@@ -112,22 +99,16 @@ fn to_face(corners: [DVec3; 3], tree: &FaceTree, face: u32) -> f64 {
     largest(corners.map(|p| p.distance(closest_on_triangle(p, face))))
 }
 
-/// The largest distance between a point of a triangle and the point of another with the same weights of corners: convex again.
-fn to_twins(corners: [DVec3; 3], twins: [DVec3; 3]) -> f64 {
-    largest([0, 1, 2].map(|k| corners[k].distance(twins[k])))
-}
-
 impl Piece {
     /// Both parts of the piece, split across its longest edge.
     fn halves(&self) -> [Self; 2] {
         let length = |k: usize| self.corners[k].distance_squared(self.corners[(k + 1) % 3]);
         let longest = (1..3).fold(0, |longest, k| if length(k) > length(longest) { k } else { longest });
         let ends = [longest, (longest + 1) % 3];
-        let middle = |of: &[DVec3; 3]| 0.5 * (of[ends[0]] + of[ends[1]]);
-        let (corner, twin) = (middle(&self.corners), middle(&self.twins));
+        let middle = 0.5 * (self.corners[ends[0]] + self.corners[ends[1]]);
         ends.map(|end| {
             let mut half = *self;
-            (half.corners[end], half.twins[end]) = (corner, twin);
+            half.corners[end] = middle;
             half
         })
     }
@@ -135,8 +116,7 @@ impl Piece {
     /// The piece with a bound of its own, and the distance of its centroid: 0 where it was not found in time, or the bound is at most
     /// `enough` without it.
     fn measured(mut self, other: &FaceTree, enough: f64) -> (Self, f64) {
-        let before = to_face(self.corners, other, self.near);
-        self.bound = self.bound.min(before).min(to_twins(self.corners, self.twins));
+        self.bound = self.bound.min(to_face(self.corners, other, self.near));
         if self.bound <= enough {
             return (self, 0.0);
         }

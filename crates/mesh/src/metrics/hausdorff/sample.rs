@@ -11,18 +11,20 @@ pub(super) struct Samples {
     /// Of vertices; 0 for those without faces.
     pub(super) vertices: Vec<Nearest>,
     pub(super) centroids: Vec<Nearest>,
+    /// The vertices with faces.
+    used: Vec<u32>,
 }
 
 impl Samples {
     /// Each distance is exceeded by at most `tolerance` as a share of it.
     pub(super) fn new(own: &Surface, other: &Surface, tolerance: f64) -> Self {
         // In the tree's order points that follow each other are close, whatever the mesh's order: searches start where the last ended.
-        let mut vertices = Vec::with_capacity(own.positions.len());
+        let mut used = Vec::with_capacity(own.positions.len());
         let mut is_new = vec![true; own.positions.len()];
         for &face in own.tree.order() {
             for v in own.triangles[face as usize] {
                 if std::mem::take(&mut is_new[v as usize]) {
-                    vertices.push(v);
+                    used.push(v);
                 }
             }
         }
@@ -37,14 +39,30 @@ impl Samples {
             near
         };
         Self {
-            vertices: search(&vertices, own.positions.len(), &|v| own.positions[v as usize]),
+            vertices: search(&used, own.positions.len(), &|v| own.positions[v as usize]),
             centroids: search(own.tree.order(), own.triangles.len(), &|f| centroid(own.tree.corners(f))),
+            used,
         }
     }
 
     /// Number of samples whose search was cut short.
     pub(super) fn unproven(&self) -> usize {
         self.vertices.iter().chain(&self.centroids).filter(|near| !near.is_proven).count()
+    }
+
+    /// The exact distance of one of the farthest samples, the farthest of those that are; `None` without faces.
+    pub(super) fn max(&self, own: &Surface, other: &FaceTree) -> Option<f64> {
+        /// Samples to search for again: some may have been spared their search, or had it cut short.
+        const FARTHEST: usize = 64;
+        let vertices = self.used.iter().map(|v| (self.vertices[*v as usize], own.positions[*v as usize]));
+        let centroids = self.centroids.iter().enumerate().map(|(face, near)| (*near, centroid(own.corners(face))));
+        let mut all: Vec<(Nearest, DVec3)> = vertices.chain(centroids).collect();
+        if all.len() > FARTHEST {
+            all.select_nth_unstable_by(FARTHEST, |(p, _), (q, _)| q.distance.total_cmp(&p.distance));
+            all.truncate(FARTHEST);
+        }
+        let exact = |(near, point): (Nearest, DVec3)| Some(other.nearest_from(point, Some(near.face))?.1);
+        all.into_par_iter().filter_map(exact).reduce_with(f64::max)
     }
 
     /// The samples at the corners of a face.
@@ -82,15 +100,24 @@ pub(super) const PARTS: usize = 2048;
 fn search_all(points: &[DVec3], found: &mut [Nearest], tree: &FaceTree, tolerance: f64) {
     /// What points are divided into; no more of them are looked at one by one.
     const GROUPS: usize = 16;
+    /// Parts of the tree to find some face near the middle.
+    const GLANCE: usize = 64;
     /// Below this, handing work to another thread costs more than it saves.
     const ALONE: usize = 1024;
     let bounds = Bounds::of(points);
     let radius = 0.5 * bounds.diagonal();
-    let Some(middle) = tree.nearest_within(bounds.centre(), None, PARTS * points.len()) else {
+    let serves_all = |middle: Nearest| 2.0 * radius <= tolerance * (middle.distance - radius);
+    // A glance mostly tells that a face is too near for that.
+    let Some(glance) = tree.nearest_within(bounds.centre(), None, GLANCE) else {
         return;
     };
+    let middle = if serves_all(glance) {
+        tree.nearest_within(bounds.centre(), Some(glance.face), PARTS * points.len()).unwrap_or(glance)
+    } else {
+        glance
+    };
     let mut face = middle.face;
-    if middle.is_proven && 2.0 * radius <= tolerance * (middle.distance - radius) {
+    if middle.is_proven && serves_all(middle) {
         // No point is nearer to any face than the middle is, less the radius, and none farther from this one than that plus the radius.
         for (point, found) in points.iter().zip(found) {
             *found = Nearest {

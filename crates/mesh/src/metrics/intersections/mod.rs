@@ -138,7 +138,7 @@ impl<'a> Soup<'a> {
         const MOST: f64 = f64::from_bits((1023 + 299) << 52);
         const LEAST: f64 = f64::from_bits((1023 - 300) << 52);
         let scale = unit_scale(topology, pose);
-        let settle = |x: f64| Some(x * scale * MOST).filter(|x| x.abs() >= LEAST || x.is_nan()).unwrap_or(0.0);
+        let settle = |x: f64| if (x * scale * MOST).abs() < LEAST { 0.0 } else { x * scale * MOST };
         let positions: Vec<DVec3> = pose[..topology.vertex_count()]
             .par_iter()
             .map(|p| DVec3::new(settle(p.x), settle(p.y), settle(p.z)))

@@ -216,7 +216,11 @@ fn crossing_sheets_intersect_once_for_each_edge_on_their_line() {
         let sheet = moved(&grid(3, n), |p| p - DVec3::new(1.3, 0.0, 0.0));
         let other = moved(&grid(3, n + 1), |p| DVec3::new(0.0, p.y - 0.45, p.x - 1.6));
         // Diagonals are crossed at 0.3 of a row by x = 0 and at 0.6 - 0.45 by z = 0.
-        assert_eq!(count(&joined(&sheet, &other)), [4 * u64::from(n), 0, 0]);
+        let crossing = joined(&sheet, &other);
+        assert_eq!(count(&crossing), [4 * u64::from(n), 0, 0]);
+        // A face that flew off does not make the others vanish next to it.
+        let far = TriMesh::new(vec![DVec3::X * 1e150, DVec3::Y * 2e150, DVec3::Z * 3e150], vec![[0, 1, 2]]);
+        assert_eq!(count(&joined(&crossing, &far.expect("valid"))), [4 * u64::from(n), 0, 0]);
         let beside = moved(&other, |p| p + DVec3::new(0.0, 0.0, 1.7));
         assert_eq!(count(&joined(&sheet, &beside)), [0; 3]);
     }
