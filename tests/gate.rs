@@ -83,11 +83,11 @@ fn models_and_scenes_are_found_by_name() {
     let nod = Scene { name: "nod".to_owned(), ..Scene::builtin("creature").expect("built in") };
     std::fs::write(&scene, nod.to_json().expect("valid")).expect("written");
     let plan = format!(
-        "models = [{model:?}]\nscenes = [{scene:?}]\nsizes = [\"10%\", \"4\"]\nrefine = 0\nreference = false\n"
+        "models = [{model:?}]\nscenes = [{scene:?}]\nsizes = [\"10%\"]\nmethods = [\"arap\", \"implicit:gradients\"]\nrefine = 0\nreference = false\n"
     );
     let mut baseline = swept(&plan);
     assert_eq!((baseline.rows[0].model.as_str(), baseline.rows[0].scene.as_str()), ("own.obj", "nod"));
-    // The second cage is too small for the scene, as it was.
+    // The second method refuses a scene that fixes nothing.
     assert_eq!(baseline.rows[1].failure.as_ref().map(|failure| failure.kind), Some(FailureKind::Input));
     let in_folder = Places { folders: vec![folder.path().to_owned()], ..Places::default() };
     let named = Places { models: vec![model.clone()], scenes: vec![scene.clone()], ..Places::default() };

@@ -233,7 +233,11 @@ impl Setting {
             propagation: or_none(self.propagation.to_string()),
             prune: or_none(self.bind.to_string()),
             steps: self.schedule.steps,
-            start: or_none(self.schedule.start.to_string()),
+            start: match self.size {
+                // How large its mesh is depends on what the cage would start from.
+                SweepSize::EqualTime(_) => self.schedule.start.to_string(),
+                _ => or_none(self.schedule.start.to_string()),
+            },
             iterations: self.schedule.count(&self.method).map(|n| n as usize),
             linear: !self.method.iterates(),
             ..SweepRow::default()

@@ -1,12 +1,13 @@
 //! Error over that without a cage, against the cage's share of the shape: the axes of Figure 3 of Hybrid Mesh Editing.
 
+use kuva::backend::svg::SvgBackend;
 use kuva::plot::legend::LegendPosition;
 use kuva::plot::{LinePlot, LineStyle, MarkerShape, ScatterPlot};
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
-use kuva::render_to_svg;
+use kuva::render::render::render_multiple;
 
-use super::plot::{COLOURS, plain};
+use super::plot::{COLOURS, name_clips, plain};
 use super::series::{Labels, SeriesKey, Way};
 use super::{SweepReport, SweepRow};
 use crate::PAPER_SCENE;
@@ -64,7 +65,10 @@ impl SweepReport {
         let (least, most) = (ratios().fold(f64::INFINITY, f64::min), ratios().fold(0.0, f64::max));
         // One way that is far worse would flatten all others.
         let far_apart = least > 0.0 && most > WIDE * least;
-        render_to_svg(plots, if far_apart { layout.with_log_y() } else { layout.with_y_axis_min(0.0) })
+        let layout = if far_apart { layout.with_log_y() } else { layout.with_y_axis_min(0.0) };
+        let mut scene = render_multiple(plots, layout);
+        name_clips(&mut scene);
+        SvgBackend::new().with_pretty(true).render_scene(&scene)
     }
 
     /// The lines of the rows with a cage, in the order of the rows.

@@ -219,7 +219,7 @@ fn direct_colour(all: &AllSeries, series: &Series) -> &'static str {
 
 /// Numbers the clipping rectangles from 0: kuva goes on counting from one picture to the next, but the same report is to
 /// give the same text every time.
-fn name_clips(scene: &mut Scene) {
+pub(super) fn name_clips(scene: &mut Scene) {
     let clips = scene.elements.iter_mut().filter_map(|element| match element {
         Primitive::ClipStart { id, .. } => Some(id),
         _ => None,

@@ -8,7 +8,7 @@ use crate::StudyError;
 use crate::machine::{forget_peak_memory, peak_memory_bytes};
 use crate::pipeline::{Bound, Caged, Dragged, Study};
 use crate::report::{Failure, SweepRow};
-use crate::settings::{Schedule, Setting, SweepSize};
+use crate::settings::{Iterations, Schedule, Setting, SweepSize};
 use crate::stages::Stages;
 
 /// A row with the pose it is of.
@@ -56,12 +56,15 @@ impl<'s> RowMaker<'s> {
 
     fn try_make(&mut self, setting: &Setting, stages: &dyn Stages) -> Result<Made, Failure> {
         let study = self.study;
-        let key = (setting.size, matches!(setting.size, SweepSize::EqualTime(_)).then_some(setting.schedule));
+        // One that does not iterate takes as long whatever number is asked for.
+        let iterations = if setting.method.iterates() { setting.schedule.iterations } else { Iterations::Count(1) };
+        let schedule = Schedule { iterations, ..setting.schedule };
+        let key = (setting.size, matches!(setting.size, SweepSize::EqualTime(_)).then_some(schedule));
         if self.cage.iter().all(|(known, _)| *known != key) {
             // The old ones go first: there is no need to hold two.
             (self.cage, self.bound, self.dragged) = (Vec::new(), Vec::new(), Vec::new());
         }
-        let caged = known(&mut self.cage, &key, || study.cage_for(setting.size, setting.schedule, stages))?;
+        let caged = known(&mut self.cage, &key, || study.cage_for(setting.size, schedule, stages))?;
         let bound = known(&mut self.bound, &setting.bind, || study.bind(caged, setting.bind, stages))?;
         let drag = (setting.method.clone(), setting.schedule);
         let dragged = known(&mut self.dragged, &drag, || study.drag(caged, &drag.0, drag.1, stages))?;
