@@ -74,8 +74,8 @@ impl Study<'_> {
         let mut pose = self.shape.positions.clone();
         propagator.apply(&bound.binding, &caged.mesh.positions, &mut pose);
         row.rest_rms_relative = edge_errors(topology, &self.shape.positions, &pose).rms_relative;
-        let moved = pose.iter().zip(&self.shape.positions).map(|(p, x)| p.distance(*x) * self.scale());
-        row.rest_error_max = moved.fold(0.0, f64::max);
+        let moved = pose.iter().zip(&self.shape.positions).map(|(p, x)| p.distance(*x));
+        row.rest_error_max = moved.fold(0.0, f64::max) * self.scale();
         if row.rest_rms_relative > POP {
             row.warnings.push(format!(
                 "with nothing deformed, propagation by {propagation} under {} already changes edge lengths by {:.0} % \
