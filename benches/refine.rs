@@ -1,8 +1,7 @@
 //! How fast refinement takes a released edit to the converged full-resolution ARAP, against solving that from rest.
 //!
 //! `scripts/fetch-models`, then `cargo bench --bench refine`; `cargo bench --bench refine -- man.off creature:1000000` takes the models
-//! named (a million vertices take a quarter of an hour, nearly all of it the direct solve). Under `cargo test` it takes one small
-//! generated model.
+//! named (most of the time of a large one goes into the direct solve). Under `cargo test` it takes one small generated model.
 //!
 //! The automatic scene with a turn by 60 degrees, in an editor with a cage of 5 %: released, and refined in several ways. *Direct* is
 //! `ArapOptions::converged()` with Anderson acceleration on the shape itself: prepare, and iterate from rest until the energy falls by

@@ -56,6 +56,8 @@ impl Editor {
     /// first. The shape follows as each of them ends, not before. They are made by the first call, unless
     /// [`Self::prepare_levels`] did.
     ///
+    /// Holds about 1 KB a free vertex from the first step until something else is done, and 0.4 KB more while it is on levels.
+    ///
     /// The step is still one step to undo, and a document replays its refinement to the same bits: they depend on the number of steps in all, not
     /// on where it was stopped between.
     ///
@@ -85,7 +87,7 @@ impl Editor {
     /// Makes the levels that refinements of large steps go through, so that the first of them need not; all that is reported to `progress`
     /// is one part of it after the other. They depend on the shape as it was opened alone, and are kept as long as the editor.
     ///
-    /// Takes about 4 us a vertex of the shape, and 500 bytes.
+    /// Takes about 4 us a vertex of the shape, and 400 bytes.
     ///
     /// # Errors
     /// As [`Levels::down_to`]; cancelling is one of them. Then refinements make them, or go without if they cannot be made.
