@@ -252,7 +252,8 @@ impl<'a> Study<'a> {
         Ok(dragged)
     }
 
-    fn drag_once(
+    /// As [`Self::drag`], timed once.
+    pub(crate) fn drag_once(
         &self,
         caged: &Caged,
         method: &Method,

@@ -31,7 +31,8 @@ impl Study<'_> {
         let iterations = Iterations::Count(2);
         let schedule = Schedule { steps: CONVERGED_STEPS, iterations, start: StartFrom::Pose };
         let direct = self.cage(SweepSize::None, stages)?;
-        let pose = self.drag(&direct, &Method::default(), schedule, stages)?.pose;
+        // Once, however often stages are timed.
+        let pose = self.drag_once(&direct, &Method::default(), schedule, stages)?.pose;
         let work = |progress: &dyn Progress| self.refined(&pose, MOST_STEPS, MINIMUM, progress);
         let ((pose, _), _) = timed(stages, "converge", work, |(_, steps)| format!("{steps} steps at full resolution"))
             .map_err(|error| self.named(error))?;
