@@ -11,8 +11,8 @@ use pliant_mesh::metrics::{
 };
 
 use crate::SweepRow;
-use crate::pipeline::{Bound, Caged, Dragged, Study, count, median};
-use crate::report::{RowTimes, Spread, p95};
+use crate::pipeline::{Bound, Caged, Dragged, Study, count, median, percentile};
+use crate::report::{RowTimes, Spread};
 use crate::settings::{Setting, SweepSize};
 use crate::stages::{Stages, milliseconds};
 
@@ -39,7 +39,7 @@ impl Study<'_> {
         row.warnings.extend(dragged.warnings.iter().cloned());
         row.times.prepare_ms = Spread::of(&dragged.prepare_ms);
         row.times.drag_ms = Spread::of(&dragged.drag_ms);
-        row.times.drag_p95_ms = p95(&dragged.drag_ms);
+        row.times.drag_p95_ms = percentile(&dragged.drag_ms, 95);
         let cage_errors = edge_errors(caged.mesh.topology(), &caged.mesh.positions, &dragged.pose);
         row.cage_rms_relative = cage_errors.rms_relative;
         let pose = if bound.options.is_none() {
@@ -92,7 +92,7 @@ impl Study<'_> {
             times.push(milliseconds(start.elapsed()));
         }
         row.times.propagate_ms = Spread::of(&times);
-        let time = std::time::Duration::from_secs_f64(median(times) / 1e3);
+        let time = std::time::Duration::from_secs_f64(median(&times) / 1e3);
         stages.end("propagate", time, &format!("{} vertices by {propagation}", count(pose.len())));
         pose
     }

@@ -332,10 +332,17 @@ const FAR_STEPS: usize = 5;
 /// Iterations that one which ends by itself is reckoned to take.
 const USUAL_ITERATIONS: u32 = 100;
 
+/// The smallest of some values that so many percent of them do not exceed: 0 for the least, 50 for the middle one (the lower of two), 100
+/// for the largest; none of none.
+pub(crate) fn percentile(values: &[f64], percent: usize) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted.get((percent * sorted.len()).div_ceil(100).saturating_sub(1)).copied()
+}
+
 /// The middle value; the lower of two middle ones; 0 of none.
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
+pub(crate) fn median(values: &[f64]) -> f64 {
+    percentile(values, 50).unwrap_or(0.0)
 }
 
 /// A number with its thousands set apart.

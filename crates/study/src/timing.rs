@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::StudyError;
 use crate::machine::{cpu_name, peak_memory_bytes};
-use crate::pipeline::{Study, count, median};
+use crate::pipeline::{Study, count, median, percentile};
 use crate::settings::SweepSize;
 use crate::stages::{Stages, milliseconds, timed};
 use drags::{Drag, prepare, time_direct, time_normals};
@@ -66,7 +66,7 @@ impl TimingPlan {
         while times.len() < repeats && start.elapsed() < self.patience {
             times.push(again()?);
         }
-        Ok(median(times))
+        Ok(median(&times))
     }
 }
 
@@ -233,8 +233,8 @@ pub fn time_stages(
     let propagate_bytes = bound.binding.propagated_bytes();
     let copy_ms = drag.time_copy(propagate_bytes, plan)?;
     let refactor_ms = drag.time_refactor(plan)?;
-    let simplify_again = || study.cage(plan.cage, stages).map(|made| median(made.simplify_ms));
-    let bind_again = |options: BindOptions| study.bind(&caged, options, stages).map(|made| median(made.bind_ms));
+    let simplify_again = || study.cage(plan.cage, stages).map(|made| median(&made.simplify_ms));
+    let bind_again = |options: BindOptions| study.bind(&caged, options, stages).map(|made| median(&made.bind_ms));
     let prepare_again = || {
         let start = Instant::now();
         prepare(study, plan, &caged)?;
@@ -259,8 +259,8 @@ pub fn time_stages(
         repeats: plan.repeats.max(1),
         drags: times.whole.len(),
         read_ms,
-        simplify_ms: plan.median(plan.repeats, median(caged.simplify_ms.clone()), simplify_again)?,
-        bind_ms: plan.median(plan.repeats, median(bound.bind_ms.clone()), || bind_again(plan.bind))?,
+        simplify_ms: plan.median(plan.repeats, median(&caged.simplify_ms), simplify_again)?,
+        bind_ms: plan.median(plan.repeats, median(&bound.bind_ms), || bind_again(plan.bind))?,
         bind_exact_ms: plan.exact.then(|| bind_again(BindOptions { exact: true, ..rule })).transpose()?,
         bind_magnitude_ms: plan
             .exact
@@ -269,11 +269,11 @@ pub fn time_stages(
         prepare_ms: plan.median(plan.repeats, prepare_ms, prepare_again)?,
         refactor_ms,
         first_drag_ms,
-        drag_ms_p99: high_percentile(&times.whole),
-        drag_ms_median: median(times.whole),
-        local_ms: median(times.local),
-        solve_ms: median(times.global),
-        propagate_ms: median(times.carry),
+        drag_ms_p99: percentile(&times.whole, 99).unwrap_or(0.0),
+        drag_ms_median: median(&times.whole),
+        local_ms: median(&times.local),
+        solve_ms: median(&times.global),
+        propagate_ms: median(&times.carry),
         normals_ms,
         propagate_bytes,
         copy_ms,
@@ -281,14 +281,6 @@ pub fn time_stages(
         direct_prepare_ms: direct.map(|(prepare, _)| prepare),
         direct_drag_ms: direct.map(|(_, drag)| drag),
     })
-}
-
-/// The smallest time that 99 % of them do not exceed.
-fn high_percentile(times: &[f64]) -> f64 {
-    let mut sorted = times.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let at = (99 * sorted.len()).div_ceil(100).saturating_sub(1);
-    sorted.get(at).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -300,7 +292,7 @@ mod tests {
     fn of_100_times_99_do_not_exceed_the_percentile() {
         for (n, expected) in [(1_u32, 1.0), (2, 2.0), (99, 99.0), (100, 99.0), (101, 100.0), (300, 297.0)] {
             let times: Vec<f64> = (1..=n).rev().map(f64::from).collect();
-            assert_eq!(high_percentile(&times), expected, "{n}");
+            assert_eq!(percentile(&times, 99), Some(expected), "{n}");
         }
     }
 

@@ -31,7 +31,6 @@ pub use comparison::{Comparison, ImplicitRow};
 pub(crate) use formats::on_one_line;
 pub use formats::{FormatError, ReportFormat, SUMMARY_BYTES};
 pub use knee::{Knee, KneeSize, KneeTarget};
-pub(crate) use row::p95;
 pub use row::{Failure, FailureKind, NO_CAGE, RowKey, RowTimes, Spread, SweepRow};
 pub use table::Detail;
 pub(crate) use table::in_markdown;
@@ -106,7 +105,7 @@ impl Calibration {
     /// Of one run or more, on one machine; none of none.
     pub fn of(runs: &[Self]) -> Option<Self> {
         let quiet_ms = runs.iter().map(|run| run.quiet_ms).min_by(f64::total_cmp)?;
-        Some(Self { quiet_ms, taken_ms: median(runs.iter().map(|run| run.taken_ms).collect()) })
+        Some(Self { quiet_ms, taken_ms: median(&runs.iter().map(|run| run.taken_ms).collect::<Vec<_>>()) })
     }
 
     /// How many times as long as undisturbed it took: 1 on a machine that does nothing else.

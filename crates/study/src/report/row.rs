@@ -3,6 +3,7 @@
 use pliant_mesh::metrics::EdgeErrors;
 use serde::{Deserialize, Serialize};
 
+use crate::pipeline::percentile;
 use crate::settings::{DECIMATED, EQUAL_TIME};
 
 /// What [`SweepRow::cage_asked`], [`SweepRow::propagation`] and [`SweepRow::prune`] hold where the shape is deformed directly.
@@ -199,19 +200,9 @@ pub struct Spread {
 impl Spread {
     /// Of one time or more; none of none.
     pub fn of(times: &[f64]) -> Option<Self> {
-        let mut sorted = times.to_vec();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let (min, max) = (*sorted.first()?, *sorted.last()?);
-        Some(Self { median: sorted[(sorted.len() - 1) / 2], min, max })
+        let at = |percent| percentile(times, percent);
+        Some(Self { median: at(50)?, min: at(0)?, max: at(100)? })
     }
-}
-
-/// A time that 95 % of some do not exceed; none of none.
-pub(crate) fn p95(times: &[f64]) -> Option<f64> {
-    let mut sorted = times.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let rank = (0.95 * sorted.len() as f64).ceil() as usize;
-    sorted.get(rank.max(1) - 1).copied()
 }
 
 /// Why a row has no figures.

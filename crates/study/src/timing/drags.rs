@@ -173,7 +173,7 @@ pub(super) fn time_direct(study: &Study<'_>, plan: &TimingPlan, caged: &Caged) -
         black_box(&mut shape);
     };
     drag.first(&mut round)?;
-    Ok((prepare_ms, median(drag.repeat(plan, &mut round)?.whole)))
+    Ok((prepare_ms, median(&drag.repeat(plan, &mut round)?.whole)))
 }
 
 fn goals(study: &Study<'_>, step: usize) -> Goals {
