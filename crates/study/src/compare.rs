@@ -7,7 +7,7 @@ use pliant_mesh::TriMesh;
 
 use crate::pipeline::{Bound, Caged, Study};
 use crate::report::{ImplicitRow, ModelInfo, SweepReport};
-use crate::settings::{Iterations, Schedule, Setting, StartFrom, SweepSize};
+use crate::settings::{Iterations, Schedule, StartFrom, SweepSize};
 use crate::stages::Stages;
 use crate::{Scene, StudyError};
 
@@ -100,14 +100,7 @@ impl Compared {
         let dragged = match study.drag(caged, method, schedule, stages) {
             Ok(dragged) => dragged,
             Err(error) => {
-                let setting = Setting {
-                    size: caged.size,
-                    method: method.clone(),
-                    schedule,
-                    propagation: Propagation::default(),
-                    bind: bound.options.unwrap_or_default(),
-                };
-                let row = study.row(caged, bound, &setting);
+                let row = study.row(caged, bound, method, schedule, Propagation::default());
                 self.report.rows.push(row.failed(error.failure()));
                 self.poses.push(None);
                 return;

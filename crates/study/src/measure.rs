@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use pliant_cage::{Propagation, Propagator};
+use pliant_deform::Method;
 use pliant_mesh::TriMesh;
 use pliant_mesh::metrics::{
     HausdorffOptions, IntersectionOptions, area_change, edge_errors, flipped_faces, hausdorff, largest_free_stretch,
@@ -13,7 +14,7 @@ use pliant_mesh::metrics::{
 use crate::SweepRow;
 use crate::pipeline::{Bound, Caged, Dragged, Study, count, median, percentile};
 use crate::report::{RowTimes, Spread};
-use crate::settings::{Setting, SweepSize};
+use crate::settings::{Schedule, Setting, SweepSize};
 use crate::stages::{Stages, milliseconds};
 
 impl Study<'_> {
@@ -28,14 +29,7 @@ impl Study<'_> {
         stages: &dyn Stages,
     ) -> (Vec<DVec3>, SweepRow) {
         let decimated = matches!(caged.size, SweepSize::Decimated(_) | SweepSize::EqualTime(_));
-        let setting = Setting {
-            size: caged.size,
-            method: dragged.method.clone(),
-            schedule: dragged.schedule,
-            propagation,
-            bind: bound.options.unwrap_or_default(),
-        };
-        let mut row = self.row(caged, bound, &setting);
+        let mut row = self.row(caged, bound, &dragged.method, dragged.schedule, propagation);
         row.warnings.extend(dragged.warnings.iter().cloned());
         row.times.prepare_ms = Spread::of(&dragged.prepare_ms);
         row.times.drag_ms = Spread::of(&dragged.drag_ms);
@@ -161,7 +155,16 @@ impl Study<'_> {
     }
 
     /// A row of what was asked, with the cage and the binding, before anything is deformed.
-    pub(crate) fn row(&self, caged: &Caged, bound: &Bound, setting: &Setting) -> SweepRow {
+    pub(crate) fn row(
+        &self,
+        caged: &Caged,
+        bound: &Bound,
+        method: &Method,
+        schedule: Schedule,
+        propagation: Propagation,
+    ) -> SweepRow {
+        let (size, method, bind) = (caged.size, method.clone(), bound.options.unwrap_or_default());
+        let setting = Setting { size, method, schedule, propagation, bind };
         let report = bound.binding.report();
         SweepRow {
             cage_vertices: caged.mesh.vertex_count(),

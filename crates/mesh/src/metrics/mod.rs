@@ -10,6 +10,8 @@ mod face_tree;
 mod flips;
 mod hausdorff;
 mod intersections;
+#[cfg(test)]
+mod test_meshes;
 mod volume;
 
 use glam::DVec3;

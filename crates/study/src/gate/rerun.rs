@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::report::{Calibration, Machine, ModelInfo, NO_CAGE, Refusal, RowTimes, Spread, SweepReport, SweepRow};
 use crate::settings::{Iterations, Schedule, Setting, StartFrom};
 use crate::stages::Stages;
-use crate::sweep::{RowDone, SweepError, SweepJob, SweepJobs};
+use crate::sweep::{MOST, RowDone, SweepError, SweepJob, SweepJobs};
 use crate::{Scene, SceneError};
 
 /// Where the models and scenes of a report are, which it knows by name only.
@@ -253,9 +253,6 @@ impl Places {
         found.map(|path| path.to_string_lossy().into_owned()).ok_or_else(|| bad(unknown))
     }
 }
-
-/// More steps than anyone would wait for, as of a sweep.
-const MOST: usize = 10_000;
 
 /// What a row was asked to be.
 fn setting_of(row: &SweepRow) -> Result<Setting, GateError> {

@@ -16,6 +16,7 @@ pub use folder::{JobFolder, JobList, JobResult, merge_jobs};
 pub use jobs::{JobEntry, SweepJob, SweepJobs};
 pub use rows::{Made, RowMaker};
 pub use run::RowDone;
+pub(crate) use spec::MOST;
 pub use spec::{Preset, SweepCase, SweepSpec};
 
 use crate::paper::paper_sizes;

@@ -117,7 +117,7 @@ impl FromStr for Preset {
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// More steps, and more repeats, than anyone would wait for.
-const MOST: usize = 10_000;
+pub(crate) const MOST: usize = 10_000;
 
 /// Where no sizes are asked for.
 const DEFAULT_SIZES: [&str; 5] = ["1%", "2%", "5%", "10%", "none"];

@@ -1,5 +1,6 @@
 use super::*;
 use crate::metrics::closest_on_triangle;
+use crate::metrics::test_meshes::grid;
 use crate::{Similarity, TriMesh, shapes};
 
 fn measure(mesh: &TriMesh, pose: &[DVec3]) -> HausdorffDistance {
@@ -8,16 +9,6 @@ fn measure(mesh: &TriMesh, pose: &[DVec3]) -> HausdorffDistance {
 
 fn moved(mesh: &TriMesh, to: impl Fn(DVec3) -> DVec3) -> Vec<DVec3> {
     mesh.positions.iter().map(|p| to(*p)).collect()
-}
-
-/// Unit squares in the plane z = 0, each cut in two.
-fn grid(columns: u32, rows: u32) -> TriMesh {
-    let wide = columns + 1;
-    let vertices = 0..wide * (rows + 1);
-    let positions = vertices.map(|i| DVec3::new(f64::from(i % wide), f64::from(i / wide), 0.0)).collect();
-    let square = |i: u32| [[i, i + 1, i + wide + 1], [i, i + wide + 1, i + wide]];
-    let corners = (0..wide * rows).filter(|i| i % wide < columns);
-    TriMesh::new(positions, corners.flat_map(square).collect()).expect("a grid")
 }
 
 fn assert_close(found: f64, expected: f64, what: &str) {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::metrics::test_meshes::grid;
 use crate::{TriMesh, shapes};
 
 /// A point with whole coordinates, of which all that is computed here is exact: up to 30 bits.
@@ -108,16 +109,6 @@ fn joined(a: &TriMesh, b: &TriMesh) -> TriMesh {
     let positions = a.positions.iter().chain(&b.positions).copied().collect();
     let faces = a.triangles().iter().copied().chain(b.triangles().iter().map(|face| face.map(|v| v + first)));
     TriMesh::new(positions, faces.collect()).expect("valid indices")
-}
-
-/// Unit squares in the plane z = 0, `columns` along x and `rows` along y, each cut along its diagonal from the lower left.
-fn grid(columns: u32, rows: u32) -> TriMesh {
-    let wide = columns + 1;
-    let vertices = 0..wide * (rows + 1);
-    let positions = vertices.map(|i| DVec3::new(f64::from(i % wide), f64::from(i / wide), 0.0)).collect();
-    let square = |i: u32| [[i, i + 1, i + wide + 1], [i, i + wide + 1, i + wide]];
-    let corners = (0..wide * rows).filter(|i| i % wide < columns);
-    TriMesh::new(positions, corners.flat_map(square).collect()).expect("a grid")
 }
 
 /// Whole numbers below `range`, the same on every run.
