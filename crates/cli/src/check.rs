@@ -11,8 +11,8 @@ use pliant::{
 
 use crate::args::CheckOptions;
 use crate::console::Console;
-use crate::exit::{Ending, Misuse};
-use crate::model::is_same_file;
+use crate::exit::Ending;
+use crate::model::check_not_read;
 use crate::sweep::Teller;
 
 pub(crate) fn run(options: &CheckOptions) -> Result<Ending> {
@@ -81,9 +81,7 @@ fn check_outputs(options: &CheckOptions) -> Result<()> {
     let inputs = [Some(&options.baseline), options.report.as_ref(), options.plan.as_ref(), options.tolerances.as_ref()];
     let inputs: Vec<&PathBuf> = inputs.into_iter().flatten().chain(&options.files).chain(&options.scene).collect();
     for output in [&options.output, &options.markdown, &options.junit].into_iter().flatten() {
-        if inputs.iter().any(|input| is_same_file(input, output)) {
-            return Err(Misuse(format!("{}: this is read; write to another file", output.display())).into());
-        }
+        check_not_read(output, inputs.iter().map(|input| (input.as_path(), "read")))?;
         can_write(output, &[])?;
     }
     if options.update { Ok(can_write(&options.baseline, &[])?) } else { Ok(()) }

@@ -11,8 +11,8 @@ use pliant::{
 
 use crate::args::{MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart};
 use crate::console::{Console, duration, print_json};
-use crate::exit::{Ending, Misuse};
-use crate::model::is_same_file;
+use crate::exit::Ending;
+use crate::model::check_not_read;
 
 pub(crate) fn run(command: &SweepCommand) -> Result<Ending> {
     match &command.part {
@@ -27,7 +27,7 @@ pub(crate) fn run(command: &SweepCommand) -> Result<Ending> {
 fn whole(command: &SweepCommand) -> Result<Ending> {
     let spec = spec(&command.spec)?;
     let jobs = spec.jobs()?;
-    check_outputs(&command.output, Some(&spec))?;
+    check_outputs(&command.output, || inputs(&spec, command.spec.plan.as_deref()))?;
     let mut folder = None;
     if let Some(prefix) = &command.output.output {
         let path = with_extension(prefix, "jobs");
@@ -116,7 +116,7 @@ fn array(variable: &'static str) -> Result<usize, SweepError> {
 }
 
 fn merge_parts(options: &MergeOptions) -> Result<Ending> {
-    check_outputs(&options.output, None)?;
+    check_outputs(&options.output, std::iter::empty)?;
     let report = merge_jobs(&options.dirs, options.partial)?;
     publish(report, &options.output, &Console::quiet(options.output.json))
 }
@@ -155,17 +155,12 @@ fn spec(options: &SpecOptions) -> Result<SweepSpec, SweepError> {
     Ok(spec)
 }
 
-/// Refuses to write over a model or a scene.
-fn check_inputs(spec: &SweepSpec, output: &Path) -> Result<()> {
+/// Files that a sweep reads, with what they are.
+fn inputs<'a>(spec: &'a SweepSpec, plan: Option<&'a Path>) -> impl Iterator<Item = (&'a Path, &'static str)> {
     let cases = spec.cases.iter().flat_map(|case| std::iter::once(&case.model).chain(&case.scenes));
-    for input in spec.models.iter().chain(&spec.scenes).chain(cases) {
-        if is_same_file(Path::new(input), output) {
-            let message =
-                format!("{}: this is a model or a scene of the sweep; write to another file", output.display());
-            return Err(Misuse(message).into());
-        }
-    }
-    Ok(())
+    let named = spec.models.iter().chain(&spec.scenes).chain(cases).map(Path::new);
+    let plan = plan.map(|plan| (plan, "the plan itself"));
+    named.map(|input| (input, "a model or a scene of the sweep")).chain(plan)
 }
 
 /// Tells each row as it is done, and how long the others will take.
@@ -227,7 +222,10 @@ fn publish(mut report: SweepReport, output: &OutputOptions, console: &Console) -
 }
 
 /// Refuses what cannot be written, before anything is computed.
-fn check_outputs(output: &OutputOptions, spec: Option<&SweepSpec>) -> Result<()> {
+fn check_outputs<'a, I>(output: &OutputOptions, inputs: impl Fn() -> I) -> Result<()>
+where
+    I: Iterator<Item = (&'a Path, &'static str)>,
+{
     let Some(prefix) = &output.output else { return Ok(()) };
     for format in &output.formats {
         if !format.is_built() {
@@ -239,9 +237,7 @@ fn check_outputs(output: &OutputOptions, spec: Option<&SweepSpec>) -> Result<()>
         let path = with_extension(prefix, format.extension());
         let kind = format.extension().rsplit('.').next().unwrap_or_default();
         can_write(&path, &[kind])?;
-        if let Some(spec) = spec {
-            check_inputs(spec, &path)?;
-        }
+        check_not_read(&path, inputs())?;
     }
     Ok(())
 }

@@ -122,6 +122,12 @@ fn a_plan_file_and_flags_say_the_same() {
     let flags = ["creature:2000", "--sizes", "5%,none", "--prune", "magnitude:0.03", "--refine", "0"];
     done(&folder, &[&["sweep"][..], &flags, &["-o", "b"]].concat());
     assert_eq!(figures(&folder.path().join("a.json")), figures(&folder.path().join("b.json")));
+    // A report is not written over the plan that asks for it.
+    std::fs::copy(folder.path().join("plan.toml"), folder.path().join("own.csv")).expect("copied");
+    let refused = pliant(&folder, &["sweep", "--plan", "own.csv", "-o", "own"]).output().expect("started");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("this is the plan itself"));
+    assert_eq!(std::fs::read_to_string(folder.path().join("own.csv")).expect("there"), plan);
     // A flag replaces what the plan says.
     let listed = done(&folder, &["sweep", "plan", "--plan", "plan.toml", "--prune", "smooth:8", "cylinder:500"]);
     let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
