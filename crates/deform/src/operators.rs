@@ -2,7 +2,10 @@
 
 #[cfg(test)]
 use pliant_linalg::Triplet;
-use pliant_mesh::{EdgeWeights, Topology, TriMesh};
+#[cfg(test)]
+use pliant_mesh::Topology;
+use pliant_mesh::{EdgeWeights, TriMesh};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Largest ratio of two cotangent weights of a mesh.
@@ -68,21 +71,16 @@ impl FaceWeights {
         let topology = mesh.topology();
         let floor = EdgeWeights::cotangent(mesh);
         let cap = cap(&floor.values);
-        let mut clamped = floor.clamped;
-        let mut values: Vec<[f64; 3]> = (0..mesh.face_count())
-            .map(|face| {
-                let halves = half_cotangents(mesh.corners(face));
-                let largest = halves.into_iter().fold(0.0f64, |m, h| m.max(h.abs()));
-                if largest > cap {
-                    clamped += 1;
-                    halves.map(|h| h * (cap / largest))
-                } else {
-                    halves
-                }
-            })
-            .collect();
-        let sums = edge_sums(topology, &values);
-        for (face, weights) in values.iter_mut().enumerate() {
+        let of_face = |face: usize| {
+            let halves = half_cotangents(mesh.corners(face));
+            let largest = halves.into_iter().fold(0.0f64, |m, h| m.max(h.abs()));
+            if largest > cap { (halves.map(|h| h * (cap / largest)), 1) } else { (halves, 0) }
+        };
+        let (mut values, lowered): (Vec<[f64; 3]>, Vec<u8>) =
+            (0..mesh.face_count()).into_par_iter().map(of_face).unzip();
+        let clamped = floor.clamped + lowered.iter().map(|&one| usize::from(one)).sum::<usize>();
+        let sums = topology.edge_sums(&values);
+        values.par_iter_mut().enumerate().for_each(|(face, weights)| {
             for (w, edge) in weights.iter_mut().zip(topology.face_edges(face)) {
                 let edge = edge as usize;
                 let missing = floor.values[edge].min(cap) - sums[edge];
@@ -90,7 +88,7 @@ impl FaceWeights {
                     *w += missing / topology.edge_faces(edge).len() as f64;
                 }
             }
-        }
+        });
         Self { values, clamped }
     }
 }
@@ -102,17 +100,6 @@ fn half_cotangents(p: [glam::DVec3; 3]) -> [f64; 3] {
         0.5 * u.dot(v) / u.cross(v).length()
     });
     if halves.iter().all(|h| h.is_finite()) { halves } else { [0.0; 3] }
-}
-
-/// The sum of each edge's weights over its faces.
-pub(crate) fn edge_sums(topology: &Topology, face_weights: &[[f64; 3]]) -> Vec<f64> {
-    let mut sums = vec![0.0; topology.edges().len()];
-    for (face, weights) in face_weights.iter().enumerate() {
-        for (edge, w) in topology.face_edges(face).into_iter().zip(weights) {
-            sums[edge as usize] += w;
-        }
-    }
-    sums
 }
 
 /// The positive semidefinite Laplacian `+L`, `(L x)_i = sum_j w_ij (x_i - x_j)`: three entries per edge.
@@ -142,7 +129,7 @@ mod tests {
             let edge = edge_weights(&mesh, EdgeWeightKind::Cotangent);
             let face = FaceWeights::new(&mesh, EdgeWeightKind::Cotangent);
             assert_eq!(edge.clamped, face.clamped);
-            for (sum, w) in edge_sums(mesh.topology(), &face.values).iter().zip(&edge.values) {
+            for (sum, w) in mesh.topology().edge_sums(&face.values).iter().zip(&edge.values) {
                 assert!((sum - w).abs() < 1e-12 * w.abs(), "{sum} instead of {w}");
             }
         }
@@ -168,7 +155,7 @@ mod tests {
             mesh.positions[3] = DVec3::new(0.5, 0.5, height);
             let edge = edge_weights(&mesh, EdgeWeightKind::Cotangent).values;
             let face = FaceWeights::new(&mesh, EdgeWeightKind::Cotangent);
-            for weights in [edge, edge_sums(mesh.topology(), &face.values)] {
+            for weights in [edge, mesh.topology().edge_sums(&face.values)] {
                 let largest = weights.iter().copied().fold(0.0, f64::max);
                 let smallest = weights.iter().copied().fold(f64::INFINITY, f64::min);
                 assert!(smallest > 0.0 && largest <= 3.0 * MAX_SPREAD * smallest, "{height}: {weights:?}");

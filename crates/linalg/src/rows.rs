@@ -2,7 +2,7 @@ use rayon::prelude::*;
 
 use crate::LinalgError;
 
-/// Rows of a product that one task makes.
+/// Rows that one task makes.
 const GRAIN: usize = 512;
 
 /// No row.
@@ -47,6 +47,61 @@ impl SparseRows {
         Ok(())
     }
 
+    /// A matrix whose rows are made in parallel: `row(i, entries)` puts those of row `i` into an empty list.
+    ///
+    /// # Errors
+    /// As [`Self::push_row`], for the first row with such a column.
+    pub fn of_rows(
+        column_count: usize,
+        row_count: usize,
+        row: impl Fn(usize, &mut Vec<(u32, f64)>) + Sync,
+    ) -> Result<Self, LinalgError> {
+        let made = Self::in_parallel(column_count, row_count, Vec::new, |entries, i, columns, values| {
+            entries.clear();
+            row(i, entries);
+            columns.extend(entries.iter().map(|&(column, _)| column));
+            values.extend(entries.iter().map(|&(_, value)| value));
+        });
+        match made.columns.iter().position(|&col| col as usize >= column_count) {
+            None => Ok(made),
+            Some(entry) => {
+                let (row, col) = (made.offsets.partition_point(|&at| at <= entry) as u32 - 1, made.columns[entry]);
+                Err(LinalgError::IndexOutOfRange { entry, row, col, unknowns: column_count })
+            }
+        }
+    }
+
+    /// Rows of columns and values that `make(scratch, i, columns, values)` adds to lists with rows before.
+    fn in_parallel<S>(
+        column_count: usize,
+        row_count: usize,
+        scratch: impl Fn() -> S + Sync + Send,
+        make: impl Fn(&mut S, usize, &mut Vec<u32>, &mut Vec<f64>) + Sync,
+    ) -> Self {
+        let tasks = (0..row_count.div_ceil(GRAIN)).into_par_iter();
+        let made = tasks.map_init(scratch, |scratch, task| {
+            let (mut ends, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
+            for row in task * GRAIN..((task + 1) * GRAIN).min(row_count) {
+                make(scratch, row, &mut columns, &mut values);
+                ends.push(columns.len());
+            }
+            (ends, columns, values)
+        });
+        let made: Vec<(Vec<usize>, Vec<u32>, Vec<f64>)> = made.collect();
+        let mut all = Self::new(column_count);
+        let count = made.iter().map(|(_, columns, _)| columns.len()).sum();
+        all.offsets.reserve_exact(row_count);
+        all.columns.reserve_exact(count);
+        all.values.reserve_exact(count);
+        for (ends, columns, values) in made {
+            let before = all.columns.len();
+            all.offsets.extend(ends.iter().map(|end| before + end));
+            all.columns.extend(columns);
+            all.values.extend(values);
+        }
+        all
+    }
+
     /// The transpose; each of its rows has increasing columns.
     pub fn transpose(&self) -> Self {
         let mut offsets = vec![0; self.column_count + 1];
@@ -77,38 +132,23 @@ impl SparseRows {
             return Err(LinalgError::WrongCount { what: "rows of the other factor", expected, found });
         }
         let count = other.column_count;
-        let tasks: Vec<usize> = (0..self.row_count().div_ceil(GRAIN)).collect();
-        let make = |(sums, seen): &mut (Vec<f64>, Vec<u32>), &task: &usize| {
-            let (mut ends, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
-            for row in task * GRAIN..((task + 1) * GRAIN).min(self.row_count()) {
-                let start = columns.len();
-                let (inner, factors) = self.row(row);
-                for (&k, &factor) in inner.iter().zip(factors) {
-                    let (places, numbers) = other.row(k as usize);
-                    for (&j, &number) in places.iter().zip(numbers) {
-                        if seen[j as usize] != row as u32 {
-                            (seen[j as usize], sums[j as usize]) = (row as u32, 0.0);
-                            columns.push(j);
-                        }
-                        sums[j as usize] += factor * number;
+        let scratch = || (vec![0.0; count], vec![NONE; count]);
+        Ok(Self::in_parallel(count, self.row_count(), scratch, |(sums, seen), row, columns, values| {
+            let start = columns.len();
+            let (inner, factors) = self.row(row);
+            for (&k, &factor) in inner.iter().zip(factors) {
+                let (places, numbers) = other.row(k as usize);
+                for (&j, &number) in places.iter().zip(numbers) {
+                    if seen[j as usize] != row as u32 {
+                        (seen[j as usize], sums[j as usize]) = (row as u32, 0.0);
+                        columns.push(j);
                     }
+                    sums[j as usize] += factor * number;
                 }
-                columns[start..].sort_unstable();
-                values.extend(columns[start..].iter().map(|&j| sums[j as usize]));
-                ends.push(columns.len());
             }
-            (ends, columns, values)
-        };
-        let made: Vec<(Vec<usize>, Vec<u32>, Vec<f64>)> =
-            tasks.par_iter().map_init(|| (vec![0.0; count], vec![NONE; count]), make).collect();
-        let mut product = Self::new(count);
-        for (ends, columns, values) in made {
-            let before = product.columns.len();
-            product.offsets.extend(ends.iter().map(|end| before + end));
-            product.columns.extend(columns);
-            product.values.extend(values);
-        }
-        Ok(product)
+            columns[start..].sort_unstable();
+            values.extend(columns[start..].iter().map(|&j| sums[j as usize]));
+        }))
     }
 
     /// `P^T A P` for this matrix `A`.

@@ -97,6 +97,20 @@ impl Topology {
         self.face_edges[face]
     }
 
+    /// The sum of each edge's values over its faces; value `k` of a face is that of the edge opposite to its corner `k`.
+    ///
+    /// # Panics
+    /// If there are more faces of values than faces.
+    pub fn edge_sums(&self, of_faces: &[[f64; 3]]) -> Vec<f64> {
+        let mut sums = vec![0.0; self.edges.len()];
+        for (face, values) in of_faces.iter().enumerate() {
+            for (edge, value) in self.face_edges(face).into_iter().zip(values) {
+                sums[edge as usize] += value;
+            }
+        }
+        sums
+    }
+
     /// Faces at an edge, increasing.
     pub fn edge_faces(&self, edge: usize) -> &[u32] {
         self.edge_faces.row(edge)

@@ -1,3 +1,5 @@
+use rayon::prelude::*;
+
 use crate::{Topology, TriMesh};
 
 /// Cotangent weights are kept above this share of their median.
@@ -27,17 +29,16 @@ impl EdgeWeights {
     /// without area adds nothing. Weights do not change when the mesh is scaled.
     pub fn cotangent(mesh: &TriMesh) -> Self {
         let topology = mesh.topology();
-        let mut values = vec![0.0; topology.edges().len()];
-        for face in 0..mesh.face_count() {
+        let halves = |face: usize| {
             let p = mesh.corners(face);
-            for (k, edge) in topology.face_edges(face).into_iter().enumerate() {
+            std::array::from_fn(|k| {
                 let (u, v) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
                 let cotangent = u.dot(v) / u.cross(v).length();
-                if cotangent.is_finite() {
-                    values[edge as usize] += 0.5 * cotangent;
-                }
-            }
-        }
+                if cotangent.is_finite() { 0.5 * cotangent } else { 0.0 }
+            })
+        };
+        let halves: Vec<[f64; 3]> = (0..mesh.face_count()).into_par_iter().map(halves).collect();
+        let mut values = topology.edge_sums(&halves);
         let smallest = MIN_RELATIVE_COTANGENT * typical(&values);
         let mut clamped = 0;
         for w in &mut values {

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 use pliant_linalg::{LinalgError, SpdPattern};
+use pliant_mesh::threads::for_each_row;
+use rayon::prelude::*;
 
 use super::shape::Shape;
 
@@ -16,14 +18,9 @@ pub(crate) struct Term {
     pub(crate) weight: f64,
 }
 
-/// What a neighbour's cell contributes to the equation of a vertex.
-#[derive(Clone, Copy)]
-pub(crate) struct Pull {
-    /// Rest vector that the neighbour's rotation is applied to.
-    pub(crate) rest: [f64; 3],
-    /// Weight of the edge between the two in the matrix.
-    pub(crate) weight: f64,
-}
+/// What a neighbour's cell contributes to the equation of a vertex: the rest vector that the neighbour's rotation is applied to, and the weight
+/// of the edge between the two in the matrix.
+pub(crate) type Pull = [f64; 4];
 
 /// The part of the mesh that an edit of a region of interest can reach, renumbered: *slots* `0..roi` are the region, whatever
 /// the roles of its vertices; slots `..cells` have a rotation (they are in the region or next to it), and the remaining ones are only
@@ -70,10 +67,8 @@ impl Cells {
         };
         layout.fill_neighbours(shape, &slot);
         layout.fill_smoothing(shape);
-        match &shape.faces {
-            None => layout.fill_spokes(shape),
-            Some(faces) => layout.fill_spokes_and_rims(shape, &faces.values),
-        }
+        layout.fill_covariance(shape);
+        layout.fill_pulls(shape);
         layout
     }
 
@@ -109,11 +104,16 @@ impl Cells {
     fn fill_neighbours(&mut self, shape: &Shape, slot: &[u32]) {
         let topology = shape.topology();
         let vertices = &self.vertices[..self.cells];
-        self.neighbours.reserve_exact(vertices.iter().map(|&v| topology.neighbours(v as usize).len()).sum());
-        for &v in vertices {
-            self.neighbours.extend(topology.neighbours(v as usize).iter().map(|&j| slot[j as usize]));
-            self.offsets.push(self.neighbours.len() as u32);
-        }
+        let mut end = 0;
+        self.offsets.extend(vertices.iter().map(|&v| {
+            end += topology.neighbours(v as usize).len() as u32;
+            end
+        }));
+        self.neighbours = vec![0; end as usize];
+        for_each_row(&self.offsets, &mut self.neighbours, |cell, slots| {
+            let ring = topology.neighbours(vertices[cell] as usize);
+            slots.iter_mut().zip(ring).for_each(|(to, &v)| *to = slot[v as usize]);
+        });
     }
 
     fn fill_smoothing(&mut self, shape: &Shape) {
@@ -124,68 +124,71 @@ impl Cells {
     }
 
     /// Each spoke is the only edge of its cell at its outer end, so everything follows from its rest vector.
-    fn fill_spokes(&mut self, shape: &Shape) {
+    fn spokes(&self, shape: &Shape, cell: usize, sums: &mut [[f64; 3]]) {
         let topology = shape.topology();
-        self.covariance.reserve_exact(self.neighbours.len());
-        self.pulls.reserve_exact(self.offsets[self.roi] as usize);
-        for (cell, &v) in self.vertices[..self.cells].iter().enumerate() {
-            let centre = shape.inner[v as usize];
-            let mut own = DVec3::ZERO;
-            for (&j, &e) in topology.neighbours(v as usize).iter().zip(topology.neighbour_edges(v as usize)) {
-                let weight = shape.edges[e as usize];
-                let pull = weight * (shape.inner[j as usize] - centre);
-                self.covariance.push(pull.to_array());
-                if cell < self.roi {
-                    self.pulls.push(Pull { rest: (-0.5 * pull).to_array(), weight });
-                    own -= 0.5 * pull;
+        let v = self.vertices[cell] as usize;
+        let centre = shape.inner[v];
+        for ((sum, &j), &e) in sums.iter_mut().zip(topology.neighbours(v)).zip(topology.neighbour_edges(v)) {
+            *sum = (shape.edges[e as usize] * (shape.inner[j as usize] - centre)).to_array();
+        }
+    }
+
+    fn spokes_and_rims(&self, shape: &Shape, faces: &[[f64; 3]], cell: usize, sums: &mut [[f64; 3]]) {
+        let topology = shape.topology();
+        let v = self.vertices[cell] as usize;
+        let ring = topology.neighbours(v);
+        for &face in topology.vertex_faces(v) {
+            let (t, weights) = (topology.triangles()[face as usize], faces[face as usize]);
+            let Some(k) = t.iter().position(|&corner| corner as usize == v) else { continue };
+            // Opposite to the centre, opposite to `p`, and opposite to `q`.
+            let [centre, p, q] = [0, 1, 2].map(|turn| (k + turn) % 3);
+            let [x, y, z] = [centre, p, q].map(|corner| shape.inner[t[corner] as usize]);
+            let [rim, at_q, at_p] = [weights[centre] * (y - z), weights[p] * (z - x), weights[q] * (y - x)];
+            // What is summed at the centre is never needed: it multiplies p'_i - p'_i.
+            for (end, pull) in [(p, rim + at_p), (q, at_q - rim)] {
+                if let Ok(at) = ring.binary_search(&t[end]) {
+                    sums[at] = (DVec3::from(sums[at]) + pull).to_array();
                 }
-            }
-            if cell < self.roi {
-                self.own_pull.push(own.to_array());
             }
         }
     }
 
-    fn fill_spokes_and_rims(&mut self, shape: &Shape, faces: &[[f64; 3]]) {
+    fn fill_covariance(&mut self, shape: &Shape) {
+        let mut covariance = vec![[0.0; 3]; self.neighbours.len()];
+        for_each_row(&self.offsets, &mut covariance, |cell, sums| match &shape.faces {
+            None => self.spokes(shape, cell, sums),
+            Some(faces) => self.spokes_and_rims(shape, &faces.values, cell, sums),
+        });
+        self.covariance = covariance;
+    }
+
+    /// Gathers for each vertex of the region what the cells next to it have for it.
+    fn fill_pulls(&mut self, shape: &Shape) {
         let topology = shape.topology();
-        let mut covariance = vec![DVec3::ZERO; self.neighbours.len()];
-        for (cell, &v) in self.vertices[..self.cells].iter().enumerate() {
-            let ring = topology.neighbours(v as usize);
-            let sums = &mut covariance[self.row(cell)];
-            for &face in topology.vertex_faces(v as usize) {
-                let t = topology.triangles()[face as usize];
-                for (k, &w) in faces[face as usize].iter().enumerate() {
-                    let (p, q) = (t[(k + 1) % 3], t[(k + 2) % 3]);
-                    let pull = w * (shape.inner[p as usize] - shape.inner[q as usize]);
-                    // The centre's own sum is never needed here: it multiplies p'_i - p'_i.
-                    if let Ok(at) = ring.binary_search(&p) {
-                        sums[at] += pull;
-                    }
-                    if let Ok(at) = ring.binary_search(&q) {
-                        sums[at] -= pull;
-                    }
-                }
-            }
-        }
-        for (slot, &j) in self.vertices[..self.roi].iter().enumerate() {
-            let mut own = DVec3::ZERO;
-            for (entry, &e) in self.row(slot).zip(topology.neighbour_edges(j as usize)) {
-                own -= covariance[entry];
-                let cell = self.neighbours[entry] as usize;
-                let ring = topology.neighbours(self.vertices[cell] as usize);
+        let m = shape.multiplicity();
+        let mut pulls = vec![Pull::default(); self.offsets[self.roi] as usize];
+        for_each_row(&self.offsets[..=self.roi], &mut pulls, |slot, pulls| {
+            let j = self.vertices[slot];
+            let edges = topology.neighbour_edges(j as usize);
+            for ((pull, &cell), &e) in pulls.iter_mut().zip(self.neighbours(slot)).zip(edges) {
+                let ring = topology.neighbours(self.vertices[cell as usize] as usize);
                 // Neighbourhood is symmetric, so the vertex is in its neighbour's ring.
-                let back = self.offsets[cell] as usize + ring.partition_point(|&v| v < j);
-                let rest = (covariance[back] / 3.0).to_array();
-                self.pulls.push(Pull { rest, weight: shape.edges[e as usize] });
+                let back = self.offsets[cell as usize] as usize + ring.partition_point(|&v| v < j);
+                let [x, y, z] = self.covariance[back].map(|c| c / m);
+                *pull = [x, y, z, shape.edges[e as usize]];
             }
-            self.own_pull.push((own / 3.0).to_array());
-        }
-        self.covariance = covariance.into_iter().map(DVec3::into).collect();
+        });
+        let own = |slot: usize| {
+            let outward: DVec3 = self.covariance(slot).iter().map(|&c| DVec3::from(c)).sum();
+            (-outward / m).to_array()
+        };
+        self.own_pull = (0..self.roi).into_par_iter().map(own).collect();
+        self.pulls = pulls;
     }
 
     /// The sum of the weights at a slot of the region: its diagonal entry in the Laplacian.
     pub(crate) fn diagonal(&self, slot: usize) -> f64 {
-        self.pulls(slot).0.iter().map(|pull| pull.weight).sum()
+        self.pulls(slot).0.iter().map(|[.., weight]| weight).sum()
     }
 
     /// Order and symbolic factor of the Laplacian of the region, whatever its roles.
@@ -205,7 +208,7 @@ impl Cells {
     pub(crate) fn laplacian<'a>(&'a self, diagonal: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         (0..self.roi as u32).zip(diagonal).flat_map(|(slot, &diagonal)| {
             let row = self.neighbours(slot as usize).iter().zip(self.pulls(slot as usize).0);
-            let before = row.filter(move |&(&other, _)| other < slot).map(|(_, pull)| -pull.weight);
+            let before = row.filter(move |&(&other, _)| other < slot).map(|(_, [.., weight])| -weight);
             before.chain(std::iter::once(diagonal))
         })
     }
@@ -337,8 +340,8 @@ mod tests {
                 for slot in 0..cells.roi {
                     let (pulls, own) = cells.pulls(slot);
                     let mut residual = DVec3::from(own);
-                    for (&other, pull) in cells.neighbours(slot).iter().zip(pulls) {
-                        residual += DVec3::from(pull.rest) - pull.weight * (at(slot as u32) - at(other));
+                    for (&other, &[x, y, z, weight]) in cells.neighbours(slot).iter().zip(pulls) {
+                        residual += DVec3::new(x, y, z) - weight * (at(slot as u32) - at(other));
                     }
                     assert!(residual.length() <= 1e-14 * cells.diagonal(slot), "{energy:?}: {residual}");
                     // trace S = sum w |e|^2 over the edges of the cell, so it is positive.

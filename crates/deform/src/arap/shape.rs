@@ -6,7 +6,7 @@ use pliant_mesh::{Topology, TriMesh, face_area_vector};
 use super::{ArapEnergy, ArapOptions};
 use crate::DeformError;
 use crate::frame::Frame;
-use crate::operators::{FaceWeights, edge_sums, edge_weights};
+use crate::operators::{FaceWeights, edge_weights};
 
 /// A rest shape with weights.
 pub(crate) struct Shape {
@@ -37,11 +37,14 @@ impl Shape {
             ArapEnergy::SpokesAndRims => {
                 let weights = FaceWeights::new(&inner, options.weights);
                 let clamped = weights.clamped;
-                (edge_sums(inner.topology(), &weights.values), Some(weights), clamped)
+                (inner.topology().edge_sums(&weights.values), Some(weights), clamped)
             }
         };
-        let area: f64 = (0..inner.face_count()).map(|face| face_area_vector(inner.corners(face)).length()).sum();
-        let smoothing = 2.0 * options.smoothness * area;
+        let area = |face: usize| face_area_vector(inner.corners(face)).length();
+        let smoothing = match options.smoothness {
+            0.0 => 0.0,
+            alpha => 2.0 * alpha * (0..inner.face_count()).map(area).sum::<f64>(),
+        };
         Ok(Self { rest: rest.clone(), frame, inner: inner.positions, edges, faces, clamped, smoothing })
     }
 

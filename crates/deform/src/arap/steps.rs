@@ -157,10 +157,10 @@ impl WithSimd for Residuals<'_> {
             }
             for (&i, pull) in cells.neighbours(j).iter().zip(pulls) {
                 let i = i as usize;
-                for (&column, c) in rotations[i].iter().zip(pull.rest) {
+                for (&column, c) in rotations[i].iter().zip(*pull) {
                     add(&mut residual, column, c);
                 }
-                add(&mut residual, subtract(pose[i], centre), pull.weight);
+                add(&mut residual, subtract(pose[i], centre), pull[3]);
             }
             let [x, y, z, _] = residual;
             rhs[j - first] = [x, y, z];

@@ -99,13 +99,11 @@ pub(super) fn matrix(cells: &Cells, roles: &Roles) -> Result<SparseRows, LinalgE
     for (unknown, &slot) in (0..).zip(unknowns) {
         unknown_of[slot as usize] = unknown;
     }
-    let mut matrix = SparseRows::new(unknowns.len());
-    for (unknown, &slot) in (0..).zip(unknowns) {
-        let slot = slot as usize;
+    SparseRows::of_rows(unknowns.len(), unknowns.len(), |unknown, entries| {
+        let slot = unknowns[unknown] as usize;
         let row = cells.neighbours(slot).iter().zip(cells.pulls(slot).0);
-        let row = row.map(|(&other, pull)| (unknown_of[other as usize], -pull.weight));
-        matrix
-            .push_row([(unknown, roles.diagonal[slot])].into_iter().chain(row.filter(|(other, _)| *other != NONE)))?;
-    }
-    Ok(matrix)
+        let row = row.map(|(&other, [.., weight])| (unknown_of[other as usize], -weight));
+        entries.push((unknown as u32, roles.diagonal[slot]));
+        entries.extend(row.filter(|(other, _)| *other != NONE));
+    })
 }

@@ -99,13 +99,14 @@ impl WithSimd for Residual<'_> {
             }
             for (&i, pull) in cells.neighbours(j).iter().zip(pulls) {
                 let i = i as usize;
-                for (&column, c) in rotations[i].iter().zip(pull.rest) {
+                for (&column, c) in rotations[i].iter().zip(*pull) {
                     add(&mut sum, column, c);
                 }
                 let edge = subtract(pose[i], centre);
-                add(&mut sum, edge, pull.weight);
+                let weight = pull[3];
+                add(&mut sum, edge, weight);
                 // An edge between two unknowns is met from both of its ends.
-                let share = if roles.unknowns.has(i) { 0.5 * pull.weight } else { pull.weight };
+                let share = if roles.unknowns.has(i) { 0.5 * weight } else { weight };
                 for (energy, x) in energy.iter_mut().zip(edge) {
                     *energy += share * x * x;
                 }

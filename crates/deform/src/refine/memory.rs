@@ -36,7 +36,8 @@ pub(super) struct Memory {
 
 impl Memory {
     pub(super) fn new(unknowns: usize) -> Self {
-        let columns = || vec![vec![Short::default(); unknowns]; WINDOW];
+        // Each by itself: clones would be written at once, zeros are when they are needed.
+        let columns = || (0..WINDOW).map(|_| vec![Short::default(); unknowns]).collect();
         Self {
             s: columns(),
             y: columns(),

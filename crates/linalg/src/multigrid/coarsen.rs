@@ -94,15 +94,12 @@ fn prolongation(
     bound: f64,
     aggregate: &[u32],
     count: usize,
-    strong: &impl Fn(usize, u32, f64) -> bool,
+    strong: &(impl Fn(usize, u32, f64) -> bool + Sync),
 ) -> Result<SparseRows, LinalgError> {
-    let mut prolong = SparseRows::new(count);
-    let mut row: Vec<(u32, f64)> = Vec::new();
-    for i in 0..matrix.row_count() {
-        row.clear();
+    let factor = 4.0 / 3.0 / bound;
+    SparseRows::of_rows(count, matrix.row_count(), |i, row| {
         row.push((aggregate[i], 0.0));
         let (columns, values) = matrix.row(i);
-        let factor = 4.0 / 3.0 / bound;
         let mut lumped = diagonal[i];
         for (&j, &value) in columns.iter().zip(values).filter(|(j, _)| **j as usize != i) {
             if !strong(i, j, value) {
@@ -120,7 +117,5 @@ fn prolongation(
         row.iter_mut().for_each(|(_, value)| *value /= lumped);
         row[0].1 += 1.0 - factor;
         row.sort_unstable_by_key(|&(j, _)| j);
-        prolong.push_row(row.iter().copied())?;
-    }
-    Ok(prolong)
+    })
 }

@@ -144,3 +144,19 @@ fn a_galerkin_product_is_what_it_says() {
     }
     assert!(p.galerkin(&a).is_err());
 }
+
+/// Made in parallel, rows are those pushed one by one; the first column that does not exist is named as there.
+#[test]
+fn rows_made_in_parallel_are_those_pushed() {
+    let entries = |i: usize| (0..i % 5).map(move |k| (((i * 7 + k * 13) % 97) as u32, i as f64 + 0.5 * k as f64));
+    let mut pushed = SparseRows::new(97);
+    for i in 0..3000 {
+        pushed.push_row(entries(i)).expect("columns below 97");
+    }
+    let made = SparseRows::of_rows(97, 3000, |i, row| row.extend(entries(i))).expect("columns below 97");
+    assert_eq!(made, pushed);
+    let mut narrow = SparseRows::new(90);
+    let expected = (0..3000).find_map(|i| narrow.push_row(entries(i)).err()).expect("columns up to 96");
+    let found = SparseRows::of_rows(90, 3000, |i, row| row.extend(entries(i))).expect_err("columns up to 96");
+    assert_eq!(found, expected);
+}
