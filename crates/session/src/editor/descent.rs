@@ -113,7 +113,7 @@ impl Descent {
                 self.at_work = Some(work);
             }
             let RefineStep { kind, energy, elapsed, .. } = step;
-            return Some((Step { level, vertices, kind, energy, elapsed, settled: false }, carried));
+            return Some((Step { level, vertices, kind, energy, elapsed }, carried));
         }
     }
 

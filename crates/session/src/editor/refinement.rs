@@ -49,8 +49,8 @@ pub struct Refinement {
 
 impl Editor {
     /// Takes the step released last towards the converged as-rigid-as-possible solution on the shape itself, until the time is up or
-    /// nothing is to be gained; one step of it at least. Call it again when idle. Handles stay on their goals, nothing moves outside the
-    /// region, and the energy of the shape never rises.
+    /// nothing is to be gained; one step of it at least, and none once it has settled. Call it again when idle. Handles stay on their goals,
+    /// nothing moves outside the region, and the energy of the shape never rises.
     ///
     /// A large shape ([`EditorOptions::levels_from`](super::EditorOptions::levels_from)) is refined on coarser levels of itself first, the coarsest
     /// first. The shape follows as each of them ends, not before. They are made by the first call, unless
@@ -145,13 +145,13 @@ impl Editor {
             }
         };
         let (first, before, changes) = (refining.steps, refining.energy, refining.changes);
-        let settled = loop {
+        // A step more once it has settled would be one that a replay, which ends there, does not do.
+        while !refining.settled {
             let step = refining.step()?;
-            // Told of the last step, too.
-            if !goes_on(refining, &step) || step.settled {
-                break step.settled;
+            if !goes_on(refining, &step) {
+                break;
             }
-        };
+        }
         let mut shape = None;
         if refining.changes != changes {
             let pose = shape.insert(self.base.shape.clone());
@@ -161,7 +161,7 @@ impl Editor {
             steps: refining.steps - first,
             energy: [before, refining.energy],
             rms_relative: refining.rms_relative(shape.as_deref().unwrap_or(&self.base.shape)),
-            settled,
+            settled: refining.settled,
             elapsed: Duration::ZERO,
         };
         Ok((refinement, shape))

@@ -52,6 +52,8 @@ pub(super) struct Refining {
     subspace_steps: u32,
     /// Steps since it began.
     pub(super) steps: u32,
+    /// Whether more steps would change nothing to speak of.
+    pub(super) settled: bool,
     /// How often what a stop would leave has become another.
     pub(super) changes: u32,
     /// Error of the shape, and after which change.
@@ -67,8 +69,6 @@ pub(super) struct Step {
     /// Of that mesh.
     pub(super) energy: f64,
     pub(super) elapsed: Duration,
-    /// Whether more steps would change nothing to speak of.
-    pub(super) settled: bool,
 }
 
 impl Refining {
@@ -94,6 +94,7 @@ impl Refining {
             energy,
             subspace_steps: means.subspace_steps,
             steps: 0,
+            settled: false,
             changes: 0,
             error: None,
         })
@@ -153,13 +154,13 @@ impl Refining {
         };
         self.energy = step.energy.min(self.energy);
         self.changes += 1;
+        self.settled = step.kind == StepKind::Full && (step.settled || step.relative_change < SETTLED);
         Ok(Step {
             level: 0,
             vertices: self.rest.vertex_count(),
             kind: step.kind,
             energy: step.energy,
             elapsed: step.elapsed,
-            settled: step.kind == StepKind::Full && (step.settled || step.relative_change < SETTLED),
         })
     }
 
