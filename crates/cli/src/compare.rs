@@ -11,10 +11,11 @@ use pliant::{
 use crate::args::CompareOptions;
 use crate::console::Console;
 use crate::model::check_outputs;
-use crate::sweep::with_extensions;
+use crate::sweep::{make_folder_of, with_extensions};
 
 pub(crate) fn run(options: &CompareOptions) -> Result<()> {
     let files = with_extensions(&options.output, ["json", "csv", "md", "png"]);
+    make_folder_of(&options.output)?;
     for (path, kind) in &files {
         can_write(path, &[kind])?;
     }

@@ -165,7 +165,7 @@ fn methods_are_typed_or_saved_in_scenes() {
 #[test]
 fn compare_makes_a_table_and_a_picture() {
     let folder = tempfile::tempdir().expect("a folder");
-    let prefix = path(&folder, "methods");
+    let prefix = path(&folder, "made/on the way/methods");
     let arguments = ["compare", "creature:2000", "--methods", "arap,implicit", "--steps", "2", "-o", &prefix];
     let printed = said(&arguments);
     for words in ["flipped faces", "volume change", "from converged ARAP", "solve Eq. 7"] {

@@ -7,7 +7,7 @@ use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
 
-use super::plot::{COLOURS, name_clips, plain};
+use super::plot::{COLOURS, MARKERS, name_clips, pick, plain};
 use super::series::{Labels, SeriesKey, Way};
 use super::{SweepReport, SweepRow};
 use crate::PAPER_SCENE;
@@ -40,8 +40,8 @@ impl SweepReport {
         let mut plots: Vec<Plot> = Vec::new();
         let ours = self.relative_errors();
         for (k, line) in ours.iter().enumerate() {
-            let colour = COLOURS[k % COLOURS.len()];
-            plots.extend(drawn(&line.points, colour, &LineStyle::Solid, MarkerShape::Circle, &line.label));
+            let (colour, marker) = (pick(&COLOURS, k), pick(&MARKERS, k / COLOURS.len()).0);
+            plots.extend(drawn(&line.points, colour, &LineStyle::Solid, marker, &line.label));
         }
         if self.rows.iter().any(|row| row.scene == PAPER_SCENE) {
             for (line, (_, colour)) in published().iter().zip(PUBLISHED) {

@@ -20,7 +20,7 @@ use super::series::{AllSeries, Point, Series};
 pub(super) const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"];
 
 /// Also told apart by shape. As polygons: corners, and the angle of the first in degrees (clockwise from +x).
-const MARKERS: [(MarkerShape, u32, f64); 6] = [
+pub(super) const MARKERS: [(MarkerShape, u32, f64); 6] = [
     (MarkerShape::Circle, 0, 0.0),
     (MarkerShape::Square, 4, 45.0),
     (MarkerShape::Triangle, 3, -90.0),
