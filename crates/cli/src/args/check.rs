@@ -40,7 +40,7 @@ pub(crate) struct CheckOptions {
     /// A file of tolerances (TOML): errors, counts, times, memory, and single figures below [figures].
     #[arg(long, value_name = "FILE")]
     pub(crate) tolerances: Option<PathBuf>,
-    /// How much longer a stage may take: 75 % unless said otherwise.
+    /// How much longer a stage may take: 50 % unless said otherwise.
     #[arg(long, value_name = "TOLERANCE")]
     pub(crate) time_tolerance: Option<Tolerance>,
     /// Do not compare times and memory, and keep none with --update.

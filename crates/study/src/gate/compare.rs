@@ -13,7 +13,7 @@ use crate::report::{Machine, RowKey, SweepReport, SweepRow};
 /// measure. Signs count for nothing: a volume that shrinks is as bad as one that grows. A row that is missing is a regression, a new one is not.
 pub fn compare_reports(baseline: &SweepReport, now: &SweepReport, tolerances: &Tolerances) -> GateReport {
     let mut notes = Vec::new();
-    let clock = Clock::of(baseline.machine.as_ref(), now.machine.as_ref(), tolerances, &mut notes);
+    let clock = Clock::of(baseline, now, tolerances, &mut notes);
     let mut comparison = Comparison { tolerances, clock, changes: Vec::new(), figures: 0 };
     let mut rows_now: HashMap<RowKey<'_>, VecDeque<&SweepRow>> = HashMap::new();
     for row in &now.rows {
@@ -178,15 +178,12 @@ const BUSY: f64 = 1.5;
 
 impl Clock {
     /// None where times cannot be compared, which is said in a note.
-    fn of(
-        then: Option<&Machine>,
-        now: Option<&Machine>,
-        tolerances: &Tolerances,
-        notes: &mut Vec<String>,
-    ) -> Option<Self> {
-        if !tolerances.compare_times() {
+    fn of(baseline: &SweepReport, now: &SweepReport, tolerances: &Tolerances, notes: &mut Vec<String>) -> Option<Self> {
+        // A first baseline has no rows, and no times to miss.
+        if !tolerances.compare_times() || baseline.rows.is_empty() {
             return None;
         }
+        let (then, now) = (baseline.machine.as_ref(), now.machine.as_ref());
         let (Some(then), Some(now)) = (then, now) else {
             notes.push("Times are not compared: a report does not say on what machine it was made.".to_owned());
             return None;

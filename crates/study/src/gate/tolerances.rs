@@ -109,7 +109,7 @@ pub struct Tolerances {
     pub errors: Tolerance,
     /// Of numbers of faces and rows. Default: none.
     pub counts: Tolerance,
-    /// Of times, as multiples of what a loop takes ([`crate::calibrate`]). Default: 75 % and 0.1 ms, where caches and clocks have the last word.
+    /// Of times, as multiples of what a loop takes ([`crate::calibrate`]). Default: 50 % and 0.05 ms, where caches and clocks have the last word.
     pub times: Tolerance,
     /// Of memory. Default: 30 %, and 32 MB, as what was freed may or may not have gone back to the system.
     pub memory: Tolerance,
@@ -123,7 +123,7 @@ impl Default for Tolerances {
         Self {
             errors: tolerance(1e-6, 1e-9),
             counts: tolerance(0.0, 0.0),
-            times: tolerance(0.75, 0.1),
+            times: tolerance(0.5, 0.05),
             memory: tolerance(0.3, 32e6),
             figures: BTreeMap::new(),
         }
