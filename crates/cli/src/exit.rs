@@ -1,12 +1,13 @@
 //! How a call ends, as a number that scripts can rely on.
 
+use std::collections::HashSet;
 use std::error::Error;
 use std::fmt;
 use std::process::ExitCode;
 
 use pliant::{
     CageError, DeformError, Failure, FailureKind, FileError, FormatError, GateError, IoError, MeshError, ModelError,
-    PictureError, ReportError, SceneError, SessionError, StudyError, SweepError, SweepRow,
+    PictureError, ReportError, SceneError, SessionError, StudyError, SweepError, SweepReport, SweepRow,
 };
 
 /// Ends of a call, with their exit codes.
@@ -27,7 +28,8 @@ Exit codes:
    0  done; a check passes
    1  a check found a regression
    2  wrong use: arguments that make no sense
-   3  bad input data: a model, scene, plan, document or baseline cannot be read or used
+   3  bad input data: a model, scene, plan, document or baseline cannot be read or used; where there are many models, the others
+      are done and the report is written
    4  a computation failed numerically; where there are many, the others are done and the report is written
    5  the system failed: a result could not be written, a thread not started
   70  internal error: please report it";
@@ -57,14 +59,20 @@ impl Ending {
     }
 
     /// What rows without figures end in. Rows that cannot be made of what was given, such as cages too small for a scene, belong to a sweep
-    /// unless nothing else is there.
-    pub(crate) fn of_rows<'r>(rows: impl Iterator<Item = &'r SweepRow>) -> Self {
-        let endings: Vec<Self> = rows.map(|row| row.failure.as_ref().map_or(Self::Done, Self::of_failure)).collect();
-        match endings.iter().max() {
-            Some(Self::BadInput) if endings.contains(&Self::Done) => Self::Done,
-            Some(worst) => *worst,
-            None => Self::BadInput,
-        }
+    /// unless a model has no others.
+    pub(crate) fn of_rows<'r>(rows: impl Iterator<Item = &'r SweepRow> + Clone) -> Self {
+        let ending = |row: &SweepRow| row.failure.as_ref().map_or(Self::Done, Self::of_failure);
+        let made: HashSet<&str> =
+            rows.clone().filter(|row| row.failure.is_none()).map(|row| row.model.as_str()).collect();
+        let counts = |row: &&SweepRow| ending(row) != Self::BadInput || !made.contains(row.model.as_str());
+        let nothing = rows.clone().next().is_none();
+        rows.filter(counts).map(ending).max().unwrap_or(if nothing { Self::BadInput } else { Self::Done })
+    }
+
+    /// What a report ends in: as its rows do, or in bad input if a model was refused.
+    pub(crate) fn of_report(report: &SweepReport) -> Self {
+        let refused = if report.refused.is_empty() { Self::Done } else { Self::BadInput };
+        Self::of_rows(report.rows.iter()).max(refused)
     }
 
     fn of_failure(failure: &Failure) -> Self {

@@ -211,14 +211,14 @@ fn publish(mut report: SweepReport, output: &OutputOptions, console: &Console) -
     if output.json {
         use std::io::Write;
         writeln!(std::io::stdout().lock(), "{}", report.to_json())?;
-        return Ok(Ending::of_rows(report.rows.iter()));
+        return Ok(Ending::of_report(&report));
     }
     console.say("")?;
     console.say(&report.to_markdown(Detail::Main))?;
     for path in written {
         console.say(&format!("wrote {}", path.display()))?;
     }
-    Ok(Ending::of_rows(report.rows.iter()))
+    Ok(Ending::of_report(&report))
 }
 
 /// Refuses what cannot be written, before anything is computed.

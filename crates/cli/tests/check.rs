@@ -90,6 +90,7 @@ fn every_end_has_its_code() {
         ends(folder, 2, &with(more));
     }
     ends(folder, 2, &with(&["--junit", "base.json"]));
+    ends(folder, 2, &["sweep", "bar:1000", "--sizes", "3"]);
     for use_ in
         [&["check"][..], &["info", "creature:few"], &["info", "creature:10"], &["edit", "creature:2000", "-o", "a.xyz"]]
     {
@@ -118,6 +119,15 @@ fn every_end_has_its_code() {
     }
     ends(folder, 3, &["info", "missing.obj"]);
     ends(folder, 3, &["sweep", "--plan", "bad.toml"]);
+    // Of a sweep the rest is done, and reported, whether a model is not there or cannot be read.
+    for (model, place) in [("missing.obj", "refused"), ("bad.obj", "rows")] {
+        let sweep = ["sweep", model, "bar:1000", "--sizes", "5%", "--no-pictures", "-o", "rest", "--formats", "json"];
+        assert!(ends(folder, 3, &sweep).contains(model));
+        let rest = read(folder, "rest.json");
+        assert!(rest[place].as_array().expect("a list").iter().any(|one| one["model"] == json!(model)), "{rest}");
+        let rows = rest["rows"].as_array().expect("rows");
+        assert!(rows.iter().any(|row| row["model"] == json!("bar:1000") && row["failure"].is_null()), "{rest}");
+    }
     // 1 and 4: a row without figures is a regression where it was asked for too much, and a failure where numbers fail.
     for (kind, code) in [("input", 1), ("numeric", 4), ("internal", 70)] {
         changed(folder, "now.json", |report| {

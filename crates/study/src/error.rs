@@ -50,8 +50,8 @@ pub enum StudyError {
     },
     /// A cage size could not be read.
     #[error(
-        "`{found}` is not a cage size: use a number of vertices (2000), a share (5%), a distance (error:0.002), one of \
-         these after decimated: or equal-time:, or none"
+        "`{found}` is not a cage size: use a number of vertices (2000; 4 or more), a share (5%), a distance (error:0.002), \
+         one of these after decimated: or equal-time:, or none"
     )]
     BadSize {
         /// What was given.

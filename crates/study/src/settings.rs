@@ -69,6 +69,9 @@ fn size_text(size: CageSize) -> String {
     }
 }
 
+/// A closed surface has no fewer.
+const LEAST_VERTICES: usize = 4;
+
 /// Reads `2000` (vertices), `5%` (of the shape's vertices) or `error:0.002` (of the diagonal).
 fn cage_size(text: &str) -> Option<CageSize> {
     let number = |digits: &str| digits.parse::<f64>().ok().filter(|x| x.is_finite());
@@ -78,7 +81,7 @@ fn cage_size(text: &str) -> Option<CageSize> {
     } else if let Some(error) = text.strip_prefix("error:") {
         number(error).filter(|error| *error >= 0.0).map(CageSize::Error)
     } else {
-        text.parse().ok().map(CageSize::Vertices)
+        text.parse().ok().filter(|n| *n >= LEAST_VERTICES).map(CageSize::Vertices)
     }
 }
 
