@@ -37,7 +37,7 @@ pub(crate) struct CheckOptions {
     /// How far a figure may move: rms_relative=1%, errors=1%, counts=0+2, times=off; of its own unit after a plus: edge_max=1%+0.001.
     #[arg(long, value_name = "FIGURE=TOLERANCE", value_delimiter = ',', value_parser = tolerance)]
     pub(crate) tolerance: Vec<(String, Tolerance)>,
-    /// A file of tolerances (TOML): errors, counts, times, memory, and single figures below [figures].
+    /// A file of tolerances (TOML): errors, distances, counts, times, memory, and single figures below [figures].
     #[arg(long, value_name = "FILE")]
     pub(crate) tolerances: Option<PathBuf>,
     /// How much longer a stage may take: 50 % unless said otherwise.

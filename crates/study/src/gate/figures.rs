@@ -18,6 +18,8 @@ pub(super) struct Figure {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Group {
     Error,
+    /// To the converged pose.
+    Distance,
     Count,
     Time,
     Memory,
@@ -54,7 +56,7 @@ fn shortest(spread: Option<Spread>) -> Option<f64> {
 
 /// Every figure, those first that matter most.
 pub(super) const FIGURES: [Figure; 31] = {
-    use Group::{Count, Error, Memory, Neutral, Time};
+    use Group::{Count, Distance, Error, Memory, Neutral, Time};
     use Unit::{Bytes, Milliseconds, Number, Share, ShareOfDiagonal};
 
     const fn figure(name: &'static str, group: Group, unit: Unit, of: fn(&SweepRow) -> Option<f64>) -> Figure {
@@ -73,10 +75,10 @@ pub(super) const FIGURES: [Figure; 31] = {
         figure("rest_rms_relative", Error, Share, |r| Some(r.rest_rms_relative)),
         figure("rest_error_max", Error, ShareOfDiagonal, |r| Some(r.rest_error_max)),
         figure("handle_error_max", Error, ShareOfDiagonal, |r| Some(r.handle_error_max)),
-        figure("distance_to_converged", Error, ShareOfDiagonal, |r| r.distance_to_converged),
-        figure("hausdorff_to_converged", Error, ShareOfDiagonal, |r| r.hausdorff_to_converged),
+        figure("distance_to_converged", Distance, ShareOfDiagonal, |r| r.distance_to_converged),
+        figure("hausdorff_to_converged", Distance, ShareOfDiagonal, |r| r.hausdorff_to_converged),
         figure("refined_rms_relative", Error, Share, |r| r.refined_rms_relative),
-        figure("refined_distance_to_converged", Error, ShareOfDiagonal, |r| r.refined_distance_to_converged),
+        figure("refined_distance_to_converged", Distance, ShareOfDiagonal, |r| r.refined_distance_to_converged),
         figure("volume_change", Error, Share, |r| r.volume_change),
         figure("area_change", Error, Share, |r| r.area_change),
         figure("flipped_faces", Count, Unit::Count, |r| count(r.flipped_faces)),
