@@ -193,12 +193,25 @@ fn sweeps_make_every_combination_once() {
 
 #[test]
 fn sizes_and_iterations_read_as_they_are_written() {
-    for size in ["2000", "5%", "0.5%", "100%", "error:0.002", "none", "0", "decimated:3000", "equal-time:5%"] {
+    for size in ["2000", "5%", "0.5%", "100%", "error:0.002", "none", "4", "decimated:3000", "equal-time:5%"] {
         assert_eq!(size.parse::<SweepSize>().expect(size).to_string(), size);
     }
-    for wrong in
-        ["", "-1", "0%", "101%", "nan%", "5 percent", "error:-1", "error:", "1.5", "decimated:none", "equal-time:"]
-    {
+    for wrong in [
+        "",
+        "-1",
+        "0",
+        "3",
+        "1e-320%",
+        "0%",
+        "101%",
+        "nan%",
+        "5 percent",
+        "error:-1",
+        "error:",
+        "1.5",
+        "decimated:none",
+        "equal-time:",
+    ] {
         assert!(wrong.parse::<SweepSize>().expect_err(wrong).to_string().contains("cage size"), "{wrong}");
     }
     for iterations in ["0", "2", "converged"] {

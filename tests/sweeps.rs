@@ -48,17 +48,24 @@ fn ids_belong_to_bytes_settings_and_scene_and_to_nothing_else() {
     assert_eq!(first, ids(&jobs(&spec(&[&model], &["10%", "20%", "none"]))));
     assert_eq!(first.iter().collect::<HashSet<_>>().len(), 3);
     assert!(first.iter().all(|id| id.len() == 32 && id.bytes().all(|b| b.is_ascii_hexdigit())));
-    // Other neighbours, another order, another name of the file, and repeats make no other job.
+    // Other neighbours, another order, another folder, and repeats make no other job.
     assert_eq!(ids(&jobs(&spec(&[&model], &["20%"]))), first[1..2]);
-    let copy = folder.path().join("b.obj");
-    fs::copy(&model, &copy).expect("copied");
-    assert_eq!(ids(&jobs(&spec(&[copy.to_str().expect("text")], &["10%"]))), first[..1]);
+    let elsewhere = tempfile::tempdir().expect("a folder");
+    let copy = |name: &str| {
+        let path = elsewhere.path().join(name);
+        fs::copy(&model, &path).expect("copied");
+        path.display().to_string()
+    };
+    assert_eq!(ids(&jobs(&spec(&[&copy("a.obj")], &["10%"]))), first[..1]);
     let repeated = SweepSpec { repeats: Some(7), ..spec(&[&model], &["10%"]) };
     assert_eq!(ids(&jobs(&repeated)), first[..1]);
     // A byte of the model, and any setting that the figures depend on, do.
     let mut seen: HashSet<String> = first.iter().cloned().collect();
+    // So does its name: reports tell models apart by it, and it says how the bytes are read.
+    assert_eq!(jobs(&spec(&[&model, &copy("b.obj")], &["10%"])).jobs.len(), 2);
     let mut other = |spec: SweepSpec| assert!(seen.insert(ids(&jobs(&spec)).remove(0)), "{spec:?}");
     let one = || spec(&[&model], &["10%"]);
+    other(spec(&[&copy("b.obj")], &["10%"]));
     let text = |text: &str| vec![text.to_owned()];
     other(SweepSpec { propagation: text("positions"), ..one() });
     other(SweepSpec { prune: text("smooth:15"), ..one() });

@@ -293,3 +293,23 @@ fn unused_vertices_are_left_out_and_counted() {
     let used: HashSet<u32> = made.mesh.triangles().iter().flatten().copied().collect();
     assert_eq!(used.len(), 40);
 }
+
+/// Pieces that hang together at one vertex: none loses its last face, and every vertex has an owner.
+#[test]
+fn pieces_joined_at_a_vertex_stay() {
+    for petals in [3, 6, 40] {
+        let (mut positions, mut triangles) = (vec![DVec3::ZERO], Vec::new());
+        for k in 0..petals {
+            let (angle, n) = (0.1 * f64::from(k), positions.len() as u32);
+            let out = DVec3::new(angle.cos(), angle.sin(), 0.0);
+            positions.extend([out, out + 0.1 * DVec3::Z]);
+            triangles.push([0, n, n + 1]);
+        }
+        let flower = TriMesh::new(positions, triangles).expect("valid");
+        for asked in [0, 4, 8, flower.vertex_count() - 1] {
+            let made = simplify(&flower, &CageSize::Vertices(asked).into(), &Silent).expect("valid");
+            assert_eq!(made.mesh.face_count(), petals as usize);
+            assert!(made.owner.iter().all(|owner| (*owner as usize) < made.mesh.vertex_count()));
+        }
+    }
+}

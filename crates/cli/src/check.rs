@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use pliant::{
-    GateReport, Places, Rerun, RerunOptions, RowDone, Stages, SweepReport, SweepSpec, Tolerances, Verdict, can_write,
-    compare_reports, read_report, write_atomic,
+    GateError, GateReport, Places, Rerun, RerunOptions, RowDone, Stages, SweepReport, SweepSpec, Tolerances, Verdict,
+    can_write, compare_reports, read_report, write_atomic,
 };
 
 use crate::args::CheckOptions;
 use crate::console::Console;
-use crate::exit::Ending;
+use crate::exit::{Ending, Misuse};
 use crate::model::check_not_read;
 use crate::sweep::Teller;
 
@@ -80,11 +80,19 @@ fn tolerances(options: &CheckOptions) -> Result<Tolerances> {
 fn check_outputs(options: &CheckOptions) -> Result<()> {
     let inputs = [Some(&options.baseline), options.report.as_ref(), options.plan.as_ref(), options.tolerances.as_ref()];
     let inputs: Vec<&PathBuf> = inputs.into_iter().flatten().chain(&options.files).chain(&options.scene).collect();
-    for output in [&options.output, &options.markdown, &options.junit].into_iter().flatten() {
+    let outputs: Vec<&PathBuf> = outputs(options).collect();
+    if let Some(twice) = (1..outputs.len()).find(|&k| outputs[..k].contains(&outputs[k])) {
+        return Err(Misuse(format!("{}: two results would be written to it", outputs[twice].display())).into());
+    }
+    for output in outputs {
         check_not_read(output, inputs.iter().map(|input| (input.as_path(), "read")))?;
         can_write(output, &[])?;
     }
     if options.update { Ok(can_write(&options.baseline, &[])?) } else { Ok(()) }
+}
+
+fn outputs(options: &CheckOptions) -> impl Iterator<Item = &PathBuf> {
+    [&options.output, &options.markdown, &options.junit].into_iter().flatten()
 }
 
 /// The report to compare with; an empty one where it is about to be made.
@@ -93,7 +101,12 @@ fn baseline(options: &CheckOptions) -> Result<SweepReport> {
     if new && !options.baseline.exists() {
         return Ok(SweepReport::new(Vec::new()));
     }
-    Ok(read_report(&options.baseline)?)
+    let baseline = read_report(&options.baseline)?;
+    if baseline.rows.is_empty() && !options.update {
+        let message = "there are no rows in it to compare with".to_owned();
+        return Err(GateError::File { file: options.baseline.display().to_string(), message }.into());
+    }
+    Ok(baseline)
 }
 
 /// As many as are asked for, or as the baseline is of.
@@ -114,6 +127,9 @@ fn make(
         Some(path) => Rerun::of_jobs(baseline, SweepSpec::read(path)?.jobs()?),
         None => Rerun::of_rows(baseline, &places(options))?,
     };
+    for output in outputs(options) {
+        check_not_read(output, rerun.models().map(|model| (Path::new(model), "a model")))?;
+    }
     let timed = tolerances.compare_times() || options.update && !options.no_times;
     let rerun_options = RerunOptions {
         repeats: options.repeats.map(|n| n as usize).or((!timed).then_some(1)),

@@ -28,8 +28,8 @@ Exit codes:
    0  done; a check passes
    1  a check found a regression
    2  wrong use: arguments that make no sense
-   3  bad input data: a model, scene, plan, document or baseline cannot be read or used; where there are many models, the others
-      are done and the report is written
+   3  bad input data: a model, scene, plan, document or baseline cannot be read or used; a sweep does its other models, and
+      writes the report
    4  a computation failed numerically; where there are many, the others are done and the report is written
    5  the system failed: a result could not be written, a thread not started
   70  internal error: please report it";

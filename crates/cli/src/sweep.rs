@@ -11,7 +11,7 @@ use pliant::{
 
 use crate::args::{MergeOptions, OutputOptions, PlanOptions, RunOptions, SpecOptions, SweepCommand, SweepPart};
 use crate::console::{Console, duration, print_json};
-use crate::exit::Ending;
+use crate::exit::{Ending, Misuse};
 use crate::model::check_not_read;
 
 pub(crate) fn run(command: &SweepCommand) -> Result<Ending> {
@@ -32,6 +32,12 @@ fn whole(command: &SweepCommand) -> Result<Ending> {
     if let Some(prefix) = &command.output.output {
         let path = with_extension(prefix, "jobs");
         if command.fresh && path.exists() {
+            if !path.join("jobs.json").exists()
+                && std::fs::read_dir(&path).map_or(true, |mut files| files.next().is_some())
+            {
+                let what = "this holds no jobs of a sweep, and is not emptied";
+                return Err(Misuse(format!("{}: {what}; use another prefix", path.display())).into());
+            }
             std::fs::remove_dir_all(&path).with_context(|| format!("{}: cannot be emptied", path.display()))?;
         }
         folder = Some(JobFolder::create(&path, &JobList::of(&jobs))?);
@@ -117,6 +123,12 @@ fn array(variable: &'static str) -> Result<usize, SweepError> {
 
 fn merge_parts(options: &MergeOptions) -> Result<Ending> {
     check_outputs(&options.output, std::iter::empty)?;
+    for format in &options.output.formats {
+        let Some(prefix) = &options.output.output else { break };
+        let path = with_extension(prefix, format.extension());
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        check_not_read(folder, options.dirs.iter().map(|dir| (dir.as_path(), "a folder of jobs")))?;
+    }
     let report = merge_jobs(&options.dirs, options.partial)?;
     publish(report, &options.output, &Console::quiet(options.output.json))
 }

@@ -94,26 +94,29 @@ impl History {
 
     /// Notes a step from `before` to `after`, each a shape and a pose; what was undone is forgotten. The oldest steps go where memory
     /// runs out, but never this one.
-    pub(crate) fn push(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
+    #[cfg(test)]
+    fn push(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
         self.append(before, after);
-        self.drop_oldest();
+        self.trim();
     }
 
     /// Makes what goes from `before`, the state after the last step, to `after` part of that step.
     pub(crate) fn amend(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
         self.append(before, after);
         self.join_last(after);
-        self.drop_oldest();
+        self.trim();
     }
 
-    fn append(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
+    /// Notes a step from `before` to `after`, each a shape and a pose; what was undone is forgotten.
+    pub(crate) fn append(&mut self, before: [&[DVec3]; 2], after: [&[DVec3]; 2]) {
         self.entries.truncate(self.done);
         let [shape, pose] = [0, 1].map(|k| Stretch::of(before[k], after[k]));
         self.entries.push(Arc::new(Entry { shape, pose }));
         self.done += 1;
     }
 
-    fn drop_oldest(&mut self) {
+    /// Drops the oldest steps where memory runs out, but never the last one.
+    pub(crate) fn trim(&mut self) {
         let mut bytes = self.bytes();
         let mut oldest = 0;
         while bytes > self.budget && oldest + 1 < self.entries.len() {

@@ -8,7 +8,7 @@ use pliant_mesh::ranges::widen;
 use pliant_mesh::select::EdgeWalk;
 
 /// A position in the precision it is stored in; what is computed with it is in double precision.
-pub(crate) trait Place: Copy + Send + Sync {
+pub(crate) trait Place: Copy + PartialEq + Send + Sync {
     fn double(self) -> DVec3;
 
     fn rounded(place: DVec3) -> Self;
@@ -60,7 +60,7 @@ impl Fade {
         let mut reach: Vec<Range<usize>> = sources.iter().map(|&v| v as usize..v as usize + 1).collect();
         let mut walk = EdgeWalk::new(positions.len());
         walk.visit(topology, positions, sources.iter().copied(), radius, may_move, |v, distance, place| {
-            if distance > 0.0 {
+            if sources[place as usize] != v {
                 followers.push((v, place, smooth_step(1.0 - distance / radius)));
                 widen(&mut reach[place as usize], &(v as usize..v as usize + 1));
             }
@@ -76,8 +76,10 @@ impl Fade {
         let mut largest: f64 = 0.0;
         moved.clear();
         for (&v, target) in self.sources.iter().zip(targets) {
-            let step = *target - points[v as usize].double();
-            points[v as usize] = P::rounded(*target);
+            let (before, after) = (points[v as usize], P::rounded(*target));
+            points[v as usize] = after;
+            // What rounding alone leaves moves no follower.
+            let step = if before == after { DVec3::ZERO } else { *target - before.double() };
             largest = largest.max(step.length_squared());
             moved.push(step);
         }

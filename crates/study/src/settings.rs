@@ -69,6 +69,9 @@ fn size_text(size: CageSize) -> String {
     }
 }
 
+/// Less is nothing of any mesh, and cannot be written in the digits of a size.
+const LEAST_SHARE: f64 = 1e-9;
+
 /// A closed surface has no fewer.
 const LEAST_VERTICES: usize = 4;
 
@@ -77,7 +80,7 @@ fn cage_size(text: &str) -> Option<CageSize> {
     let number = |digits: &str| digits.parse::<f64>().ok().filter(|x| x.is_finite());
     if let Some(percent) = text.strip_suffix('%') {
         let share = number(percent.trim_end())? / 100.0;
-        (share > 0.0 && share <= 1.0).then_some(CageSize::Fraction(share))
+        (share >= LEAST_SHARE && share <= 1.0).then_some(CageSize::Fraction(share))
     } else if let Some(error) = text.strip_prefix("error:") {
         number(error).filter(|error| *error >= 0.0).map(CageSize::Error)
     } else {

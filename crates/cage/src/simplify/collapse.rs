@@ -105,6 +105,10 @@ impl Working {
         if opposite[..shared].iter().any(|&a| self.fans.face_count(a) < 2) {
             return false;
         }
+        // Nor does the end that stays lose its last, where pieces hang together at the third corner.
+        if self.fans.face_count(u) + self.fans.face_count(v) <= 2 * shared {
+            return false;
+        }
         if self.fans.common_neighbours(u, v) != shared {
             return false;
         }

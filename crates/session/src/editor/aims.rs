@@ -135,7 +135,8 @@ impl Aims {
         let all = self.groups.iter().map(|group| group.0).chain(self.points.iter().map(|point| point.handle));
         for handle in all.map(|at| &handles[at]) {
             let farthest = 4.0 * self.farthest * handle.goal.scale + 4.0 * handle.goal.translation.abs().max_element();
-            if !farthest.is_finite() {
+            // Frames are in single precision.
+            if farthest.is_nan() || farthest > f64::from(f32::MAX) {
                 let reason = format!("the goal of handle {} is too far away to compute with", handle.id);
                 return Err(SessionError::BadGrip { reason });
             }
@@ -215,34 +216,52 @@ impl Aims {
         if self.shared {
             self.meet_together(places, miss);
         }
-        self.points.iter().map(|point| miss(point, &places.targets).length()).fold(0.0, f64::max)
+        // Written so that NaN stays.
+        let worse = |most: f64, miss: f64| if miss <= most { most } else { miss };
+        self.points.iter().map(|point| miss(point, &places.targets).length()).fold(0.0, worse)
     }
 
-    /// The least change of the corners that brings all points to their goals: conjugate gradients for `A A^T`, the rows of `A` being the
-    /// weights of the points' corners (Craig 1955).
+    /// The least change of the corners that brings all points to their goals, or as near as may be where they contradict each other: conjugate
+    /// gradients on the normal equations of `A`, whose rows are the weights of the points' corners (Björck 1996, CGLS).
     fn meet_together(&self, places: &mut Places, miss: impl Fn(&Point, &[DVec3]) -> DVec3) {
-        let Places { targets, missed, direction, .. } = places;
+        let Places { targets, missed, direction, slope, .. } = places;
         missed.clear();
         missed.extend(self.points.iter().map(|point| miss(point, targets)));
         direction.clear();
         direction.resize(targets.len(), DVec3::ZERO);
         let square = |vectors: &[DVec3]| vectors.iter().map(|v| v.length_squared()).sum::<f64>();
-        let (mut before, mut now) = (f64::INFINITY, square(missed));
-        for _ in 0..STEPS {
+        let mut before = f64::INFINITY;
+        let mut first = 0.0;
+        for step in 0..STEPS {
             if missed.iter().all(|m| m.length() <= THERE * self.diagonal) {
                 break;
             }
-            let share = now / before;
-            direction.iter_mut().for_each(|d| *d *= share);
+            slope.clear();
+            slope.resize(targets.len(), DVec3::ZERO);
             for (point, missed) in self.points.iter().zip(&*missed) {
-                point.moved().for_each(|(place, weight)| direction[place] += weight * *missed);
+                point.moved().for_each(|(place, weight)| slope[place] += weight * *missed);
             }
-            let length = now / square(direction);
-            targets.iter_mut().zip(&*direction).for_each(|(target, d)| *target += length * *d);
+            let now = square(slope);
+            if step == 0 {
+                first = now;
+            }
+            // What is left contradicts itself.
+            if now <= THERE * THERE * first {
+                break;
+            }
+            let share = now / before;
+            direction.iter_mut().zip(&*slope).for_each(|(d, s)| *d = share * *d + *s);
+            before = now;
+            let along = |point: &Point| point.moved().map(|(place, weight)| weight * direction[place]).sum::<DVec3>();
+            let length = now / self.points.iter().map(|point| along(point).length_squared()).sum::<f64>();
+            // In the span of the rows, so that this is no division by zero but for rounding.
+            if !length.is_finite() {
+                break;
+            }
             for (point, missed) in self.points.iter().zip(&mut *missed) {
-                point.moved().for_each(|(place, weight)| *missed -= length * weight * direction[place]);
+                *missed -= length * along(point);
             }
-            (before, now) = (now, square(missed));
+            targets.iter_mut().zip(&*direction).for_each(|(target, d)| *target += length * *d);
         }
     }
 }
@@ -254,6 +273,7 @@ pub(crate) struct Places {
     pub(crate) moved: Vec<DVec3>,
     missed: Vec<DVec3>,
     direction: Vec<DVec3>,
+    slope: Vec<DVec3>,
 }
 
 /// Whether two positions have other bits.

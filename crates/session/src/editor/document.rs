@@ -188,7 +188,12 @@ impl Document {
     /// # Errors
     /// [`SessionError::Document`] for a number that is not finite.
     pub fn to_json(&self) -> Result<String, SessionError> {
-        serde_json::to_string_pretty(self).map(|text| text + "\n").map_err(SessionError::Document)
+        let text = serde_json::to_string_pretty(self).map_err(SessionError::Document)? + "\n";
+        // JSON has no words for numbers that are not finite: they would be read as something else, or not at all.
+        match serde_json::from_str::<Self>(&text) {
+            Ok(read) if read == *self => Ok(text),
+            _ => Err(SessionError::Document(serde::ser::Error::custom("a number in it is not finite"))),
+        }
     }
 
     /// Writes it to a file, whole or not at all.

@@ -1,6 +1,6 @@
 //! From handles on the shape to what holds the cage.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 use pliant_deform::{Constraint, DeformError, Goals, Handle, Method, PointRows, Region, Role};
@@ -28,7 +28,7 @@ pub(crate) struct Held {
     pub(crate) known: Vec<usize>,
     /// In the order of the region's rows.
     pub(crate) rows: Vec<RowPoint>,
-    /// Whether the rows are so many that the cage meets them in least squares only.
+    /// Whether the rows are so many, or so near each other, that the cage meets them in least squares only.
     pub(crate) many: bool,
 }
 
@@ -69,7 +69,7 @@ pub(crate) fn on_cage(editor: &Editor) -> Result<Held, SessionError> {
     if free.is_empty() || handles.is_empty() {
         return Ok(Held { region: None, known: Vec::new(), rows: Vec::new(), many: false });
     }
-    let many = rows.len() as f64 > MANY * free.len() as f64;
+    let many = rows.len() as f64 > MANY * free.len() as f64 || share_corners(&rows);
     if many {
         for handle in handles.iter_mut().filter(|h| !h.rows.is_empty() && h.constraint == Constraint::Hard) {
             handle.constraint = Constraint::Soft(WEIGHT_OF_MANY);
@@ -78,6 +78,13 @@ pub(crate) fn on_cage(editor: &Editor) -> Result<Held, SessionError> {
     let region = Region::new(n, &free, &handles).map_err(|error| named(error, |at| editor.handles[known[at]].id))?;
     let (region, _) = region.without_unconstrained(editor.simplified.mesh.topology());
     Ok(Held { region: Some(region), known, rows, many })
+}
+
+/// Whether two handles hold points that share a corner: so near each other that the cage could meet both only by overshooting around them.
+fn share_corners(rows: &[RowPoint]) -> bool {
+    let mut holders = HashMap::new();
+    let corners = rows.iter().flat_map(|row| row.of.vertices.map(|v| (v, row.handle)));
+    corners.into_iter().any(|(v, handle)| *holders.entry(v).or_insert(handle) != handle)
 }
 
 /// For each handle, the free cage vertices that come from its vertices.

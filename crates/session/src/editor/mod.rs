@@ -149,7 +149,7 @@ impl Editor {
     /// Opens the shape with a cage and a binding saved before ([`SavedCage::load`]), which replace those of the options.
     ///
     /// # Errors
-    /// [`SessionError::BadGrip`] for a binding to a cage that was not made of the shape; as [`Self::open`].
+    /// [`SessionError::BadGrip`] for a binding to a cage that was not made of this shape; as [`Self::open`].
     pub fn open_saved(
         shape: TriMesh,
         saved: SavedCage,
@@ -159,6 +159,14 @@ impl Editor {
         let Some((simplify_options, simplified)) = saved.simplified else {
             return Err(SessionError::BadGrip { reason: "the saved cage was not made of this shape".to_owned() });
         };
+        // Cage vertices are vertices of the shape.
+        let at = |v: &u32| shape.positions.get(*v as usize);
+        let fits = simplified.owner.len() == shape.vertex_count()
+            && saved.binding.shape_vertex_count() == shape.vertex_count()
+            && simplified.origin.iter().map(at).eq(simplified.mesh.positions.iter().map(Some));
+        if !fits {
+            return Err(SessionError::BadGrip { reason: "the saved cage was made of another shape".to_owned() });
+        }
         let options = EditorOptions { bind: saved.options, cage: simplify_options.size, ..options };
         Self::assemble(shape, options, simplify_options, simplified, saved.binding, progress)
     }
@@ -262,7 +270,7 @@ impl Editor {
             return Ok(Update { changed, solves: 0, still: true, snapped: 0.0, missed: 0.0, elapsed });
         }
         prepared.aim(&self.handles)?;
-        prepared.pose.copy_from_slice(&self.current.cage);
+        prepared.start_from(&self.current.cage, &self.base.cage);
         let mut solves = 0;
         let still = loop {
             let moved = prepared.solve(true)?;
@@ -287,6 +295,13 @@ impl Editor {
     /// # Errors
     /// As [`Self::update`]; then the step goes on.
     pub fn release(&mut self, name: &str) -> Result<Update, SessionError> {
+        let update = self.release_step(name)?;
+        self.history.trim();
+        Ok(update)
+    }
+
+    /// As [`Self::release`], with the history still as long as it is.
+    fn release_step(&mut self, name: &str) -> Result<Update, SessionError> {
         let begun = Instant::now();
         if self.prepared.as_ref().is_some_and(|prepared| prepared.stale || !prepared.fresh) {
             // A factor changed again and again has other last bits than a new one.

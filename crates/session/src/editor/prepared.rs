@@ -1,7 +1,7 @@
 //! A step made ready to solve.
 
 use glam::DVec3;
-use pliant_deform::{Deformer, Goals};
+use pliant_deform::{Deformer, Goals, Region, Role};
 use pliant_mesh::TriMesh;
 
 use super::carrier::Carrier;
@@ -22,6 +22,8 @@ pub(crate) struct Prepared {
     known: Vec<(usize, u32)>,
     goals: Goals,
     pub(crate) rows: Rows,
+    /// Whether each cage vertex may leave its place; none if no one may.
+    moves: Vec<bool>,
     /// The cage, and what it was before the last solve.
     pub(crate) pose: Vec<DVec3>,
     before: Vec<DVec3>,
@@ -43,6 +45,7 @@ impl Prepared {
         let old = old.and_then(|old| old.solver);
         let fresh = old.is_none();
         let id = |at: usize| known[at].1;
+        let moves = region.iter().flat_map(Region::roles).map(|role| *role != Role::Fixed).collect();
         let solver = match (region, old) {
             (None, _) => None,
             // The cage rests where it did: numbers change, patterns are kept where they can be.
@@ -68,6 +71,7 @@ impl Prepared {
             goals: Goals::identity(known.len()),
             known,
             rows,
+            moves,
             pose: base.cage.clone(),
             before: base.cage.clone(),
             diagonal: cage.bounds().diagonal(),
@@ -75,6 +79,14 @@ impl Prepared {
             stale: false,
             fresh,
         })
+    }
+
+    /// Starts from the cage as it is shown, but for what is held where the step began: with other handles it may have left.
+    pub(crate) fn start_from(&mut self, shown: &[DVec3], base: &[DVec3]) {
+        self.pose.copy_from_slice(base);
+        for ((pose, shown), _) in self.pose.iter_mut().zip(shown).zip(&self.moves).filter(|(_, moves)| **moves) {
+            *pose = *shown;
+        }
     }
 
     /// Takes over the goals of the handles.

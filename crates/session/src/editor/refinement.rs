@@ -119,8 +119,11 @@ impl Editor {
             self.history.amend(self.base.arrays(), [&shape, &self.base.cage]);
             self.base.shape = shape;
             self.current.copy_from(&self.base);
-            // A step under way goes on from here.
+            // A step under way goes on from here; one that cannot is for the next update to tell.
             self.prepared = None;
+            if self.is_under_way() {
+                _ = self.update(Duration::ZERO);
+            }
         }
         Ok(Refinement { elapsed: begun.elapsed(), ..made })
     }

@@ -15,7 +15,7 @@ impl Editor {
     /// # Errors
     /// As [`Self::release`].
     pub fn release_on(&mut self, name: &str) -> Result<Update, SessionError> {
-        let update = self.release(name)?;
+        let update = self.release_step(name)?;
         let done = self.steps.len() - self.history.redoable();
         if let [.., before, last] = &self.steps[..done]
             && before.is_continued_by(last)
@@ -28,6 +28,7 @@ impl Editor {
                 last.joined = true;
             }
         }
+        self.history.trim();
         Ok(update)
     }
 
@@ -37,9 +38,13 @@ impl Editor {
             handle.goal = Similarity::IDENTITY;
         }
         self.current.copy_from(&self.base);
+        if let Some(prepared) = self.prepared.as_mut().filter(|prepared| !prepared.stale) {
+            // What goals there were is no longer shown.
+            prepared.carrier.aim(&self.handles, &self.base);
+        }
     }
 
-    /// Does several things as one: if they fail, all is as it was before.
+    /// Does several things as one: if they fail, all is as it was before, but that the step released last can no longer be refined.
     ///
     /// # Errors
     /// Those of `work`.
@@ -112,7 +117,7 @@ impl Editor {
         let done = self.steps.len() - self.redoable_steps();
         self.steps.truncate(done);
         self.steps.push(DocumentStep::new(name, self.region(), &self.handles));
-        self.history.push(self.base.arrays(), made.arrays());
+        self.history.append(self.base.arrays(), made.arrays());
         let began = std::mem::replace(&mut self.base, made);
         self.current.copy_from(&self.base);
         for handle in &mut self.handles {

@@ -11,6 +11,7 @@ use crate::report::{Machine, RowKey, SweepReport, SweepRow};
 ///
 /// A figure is worse if it is above what its tolerance allows, or not there any more; better if the old one would be too much by the same
 /// measure. Signs count for nothing: a volume that shrinks is as bad as one that grows. A row that is missing is a regression, a new one is not.
+/// If all that is new about one row is its prune rule, its figures are compared with those of the row that is missing, too.
 pub fn compare_reports(baseline: &SweepReport, now: &SweepReport, tolerances: &Tolerances) -> GateReport {
     let mut notes = Vec::new();
     let clock = Clock::of(baseline, now, tolerances, &mut notes);
@@ -19,15 +20,29 @@ pub fn compare_reports(baseline: &SweepReport, now: &SweepReport, tolerances: &T
     for row in &now.rows {
         rows_now.entry(row.key()).or_default().push_back(row);
     }
-    let mut still_failing = 0;
+    let (mut still_failing, mut gone) = (0, Vec::new());
     for (at, old) in baseline.rows.iter().enumerate() {
         // Rows of one key, which two models of one name may have, are told apart by their order.
         let Some(new) = rows_now.get_mut(&old.key()).and_then(VecDeque::pop_front) else {
             comparison.whole(ChangeKind::Missing, old, Some(at));
+            gone.push(at);
             continue;
         };
         still_failing += usize::from(old.failure.is_some() && new.failure.is_some());
         comparison.row(at, old, new);
+    }
+    for at in gone {
+        // Bound by another rule is no longer the row that was asked for, but tells what that did to it.
+        let old = &baseline.rows[at];
+        let mut alike = now.rows.iter().filter(|row| row.key().but_for_prune() == old.key().but_for_prune());
+        if let (Some(new), None) = (alike.next(), alike.next())
+            && let Some(new) = rows_now.get_mut(&new.key()).and_then(VecDeque::pop_front)
+        {
+            let before = comparison.changes.len();
+            comparison.row(at, old, new);
+            let now = format!(" (now {})", new.prune);
+            comparison.changes[before..].iter_mut().for_each(|change| change.row += &now);
+        }
     }
     for row in &now.rows {
         // Those that are left, in their order.

@@ -92,6 +92,11 @@ impl<'b> Rerun<'b> {
         Self { baseline, jobs: jobs.jobs.into_iter().map(|job| (job, common)).collect(), refused: jobs.refused }
     }
 
+    /// The models, as they are opened by.
+    pub fn models(&self) -> impl Iterator<Item = &str> {
+        self.jobs.iter().map(|(job, _)| job.model.as_str())
+    }
+
     /// Makes all rows and compares them; those that seem slow, or to take more memory, are made again and keep the smallest figures.
     /// `done` is told each row.
     ///
@@ -264,8 +269,11 @@ fn setting_of(row: &SweepRow) -> Result<Setting, GateError> {
         Some(n) => n.to_string().parse().map_err(|error: crate::StudyError| bad(error.to_string()))?,
         None => Iterations::Converged,
     };
-    if !(1..=MOST).contains(&row.steps) || row.refine_steps.is_some_and(|steps| steps > MOST) {
+    if !(1..=MOST).contains(&row.steps) {
         return Err(bad(format!("its steps are not 1 to {MOST}")));
+    }
+    if row.refine_steps.is_some_and(|steps| steps > MOST) {
+        return Err(bad(format!("its steps of refinement are not 0 to {MOST}")));
     }
     let or_default = |text: &str| (text != NO_CAGE && !text.is_empty()).then(|| text.to_owned());
     let start = or_default(&row.start).map_or(Ok(StartFrom::default()), |text| text.parse());

@@ -356,6 +356,11 @@ impl std::fmt::Display for RowKey<'_> {
 }
 
 impl RowKey<'_> {
+    /// What else was asked for.
+    pub(crate) fn but_for_prune(self) -> Self {
+        Self { prune: "", ..self }
+    }
+
     /// All but model and scene, in words: `cage 5%, arap, frames, smooth:16, start levels, 1 x 2`.
     pub fn setting(&self) -> String {
         let Self { method, cage, propagation, prune, steps, start, iterations, .. } = *self;

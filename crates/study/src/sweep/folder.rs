@@ -163,10 +163,10 @@ impl JobFolder {
 
 /// Puts the finished jobs of folders together to a report. Which folder holds which job does not matter, nor their order.
 ///
-/// With `partial` jobs that are not finished are left out, and a note says so.
+/// With `partial` jobs that are not finished, or whose files are not understood, are left out, and a note says so.
 ///
 /// # Errors
-/// Folders of different sweeps, files that are not understood, jobs that are not finished.
+/// Folders of different sweeps, jobs that are not finished or whose files are not understood in any folder.
 pub fn merge_jobs(folders: &[PathBuf], partial: bool) -> Result<SweepReport, SweepError> {
     let mut opened = Vec::new();
     for path in folders {
@@ -182,11 +182,15 @@ pub fn merge_jobs(folders: &[PathBuf], partial: bool) -> Result<SweepReport, Swe
     let Some((_, list)) = opened.first() else { return Ok(SweepReport::new(Vec::new())) };
     let mut results = HashMap::new();
     for entry in &list.jobs {
-        for (folder, _) in &opened {
-            if let Some(result) = folder.result(&entry.id)? {
-                results.insert(entry.id.clone(), result);
-                break;
-            }
+        let (found, faults): (Vec<_>, Vec<_>) =
+            opened.iter().map(|(folder, _)| folder.result(&entry.id)).partition(Result::is_ok);
+        // Of several one with figures; else any, but always the same.
+        let rank = |result: &JobResult| (result.row.failure.is_some(), json(result));
+        let best = found.into_iter().filter_map(Result::ok).flatten().min_by_key(rank);
+        match (best, faults.into_iter().find_map(Result::err)) {
+            (Some(result), _) => _ = results.insert(entry.id.clone(), result),
+            (None, Some(fault)) if !partial => return Err(fault),
+            _ => {}
         }
     }
     let missing: Vec<&JobEntry> = list.jobs.iter().filter(|entry| !results.contains_key(&entry.id)).collect();

@@ -1,6 +1,6 @@
 //! The jobs of a sweep: one a row, with an id that is the same wherever it is planned.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 
 use pliant_io::picture::{PictureError, View};
@@ -60,7 +60,7 @@ impl fmt::Display for Camera {
 /// A row that is to be made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SweepJob {
-    /// 32 hexadecimal digits: a hash of the model's bytes, the scene, the settings, and Pliant's version.
+    /// 32 hexadecimal digits: a hash of the model's bytes and what reports call it, the scene, the settings, and Pliant's version.
     pub id: String,
     /// The model, as the plan names it.
     pub model: String,
@@ -70,7 +70,7 @@ pub struct SweepJob {
     pub scene: String,
     /// The rest.
     pub setting: Setting,
-    /// Of the model's bytes and the scene.
+    /// Of the model's bytes, its name and the scene.
     pub(super) place: String,
 }
 
@@ -106,6 +106,8 @@ impl SweepSpec {
             notes: Vec::new(),
             common: Common { reference: false, refine_steps: 0, repeats: 1, camera: self.camera()? },
         };
+        // Of scenes by name.
+        let mut contents = HashMap::new();
         let mut known = HashSet::new();
         for (model, scenes) in &cases {
             let hash = match Model::content_hash(model) {
@@ -120,7 +122,7 @@ impl SweepSpec {
             let twice = cases.iter().any(|(other, _)| alike(other));
             let name = if twice { (*model).to_owned() } else { Model::name_of(model) };
             for scene in scenes {
-                for job in self.jobs_of(model, &name, *scene, hash, &mut planned)? {
+                for job in self.jobs_of(model, &name, *scene, hash, &mut contents, &mut planned)? {
                     if known.insert(job.id.clone()) {
                         planned.jobs.push(job);
                     }
@@ -147,6 +149,7 @@ impl SweepSpec {
         name: &str,
         scene: Option<&str>,
         hash: u128,
+        scenes: &mut HashMap<String, String>,
         planned: &mut SweepJobs,
     ) -> Result<Vec<SweepJob>, SweepError> {
         let mut scene = scene.unwrap_or_else(|| Model::own_scene(model)).to_owned();
@@ -173,10 +176,16 @@ impl SweepSpec {
         // What `auto` is depends on the model alone.
         let found = if scene == "auto" { None } else { Some(Scene::find(&scene, &Bounds::of(&[]))?) };
         let contents = found.as_ref().map_or_else(|| Ok(scene.clone()), Scene::to_json)?;
+        let called = found.as_ref().map_or(&scene, |found| &found.name);
+        if scenes.entry(called.clone()).or_insert_with(|| contents.clone()) != &contents {
+            let message = "another scene has this name: in reports they could not be told apart";
+            return Err(SweepError::value("scenes", called, &message));
+        }
         let plan = self.plan(found.and_then(|found| found.method), || Ok(vertices.unwrap_or_default()))?;
         let Common { reference, refine_steps, repeats, .. } = &mut planned.common;
         (*reference, *refine_steps, *repeats) = (plan.reference, plan.refine_steps, plan.repeats);
-        let place = hex(&[&format!("{hash:032x}"), &contents]);
+        // The name says how the bytes are read.
+        let place = hex(&[&format!("{hash:032x}"), name, &contents]);
         let options = format!("reference {}, refine {}", plan.reference, plan.refine_steps);
         let job = |setting: Setting| {
             let asked = setting.row("", 0, "").key().to_string();
