@@ -83,9 +83,9 @@ fn the_same_goal_after_a_cancel_is_shown_again() {
             assert!(update.changed.contains(&(lost as usize)));
             assert_eq!(editor.positions()[lost as usize], shape.positions[lost as usize] + 0.3 * DVec3::Z);
             if undo {
-                assert!(editor.undo())
+                assert!(editor.undo());
             } else {
-                editor.cancel()
+                editor.cancel();
             }
             assert_eq!(editor.positions(), shape.positions);
         }

@@ -80,7 +80,7 @@ fn cage_size(text: &str) -> Option<CageSize> {
     let number = |digits: &str| digits.parse::<f64>().ok().filter(|x| x.is_finite());
     if let Some(percent) = text.strip_suffix('%') {
         let share = number(percent.trim_end())? / 100.0;
-        (share >= LEAST_SHARE && share <= 1.0).then_some(CageSize::Fraction(share))
+        (LEAST_SHARE..=1.0).contains(&share).then_some(CageSize::Fraction(share))
     } else if let Some(error) = text.strip_prefix("error:") {
         number(error).filter(|error| *error >= 0.0).map(CageSize::Error)
     } else {
