@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use common::{along_x, bar, distance, pyramid, sheet, torus, variants};
 use glam::{DQuat, DVec3};
 use pliant_deform::arap::{Arap, ArapOptions};
-use pliant_deform::{DeformError, Deformer, Goals, Handle, HandleFault, Region, Role};
+use pliant_deform::{ArapEnergy, Constraint, DeformError, Deformer, Goals, Handle, HandleFault, Region, Role};
 use pliant_mesh::{Similarity, TriMesh, VertexSet};
 
 fn shapes() -> Vec<(&'static str, TriMesh)> {
@@ -443,4 +443,33 @@ fn errors_leave_the_pose_alone() {
     let mut pose = start.clone();
     arap.solve(&region.identity_goals(), &mut pose).expect("solvable");
     assert!(distance(&pose, &start) < 1e-12);
+}
+
+/// What is dragged of one piece leaves another where it rests, however far either is from converged.
+#[test]
+fn pieces_that_are_not_joined_do_not_lead_each_other() {
+    let one = pliant_mesh::shapes::icosphere(2);
+    let n = one.vertex_count() as u32;
+    let positions = one.positions.iter().copied().chain(one.positions.iter().map(|p| *p + 3.0 * DVec3::X)).collect();
+    let triangles = one.triangles().iter().copied().chain(one.triangles().iter().map(|t| t.map(|v| v + n))).collect();
+    let shape = TriMesh::new(positions, triangles).expect("valid");
+    let cap = |first: u32| (0..n).filter(|&v| one.positions[v as usize].y < -0.6).map(|v| v + first).collect();
+    let all = VertexSet::all(2 * n as usize);
+    for energy in [ArapEnergy::Spokes, ArapEnergy::SpokesAndRims] {
+        for constraint in [Constraint::Hard, Constraint::Soft(2.0)] {
+            let handles = [0, n].map(|first| Handle { constraint, ..Handle::hard(cap(first)) });
+            let region = Region::new(2 * n as usize, &all, &handles).expect("valid");
+            let options = ArapOptions { energy, iterations: 1, ..ArapOptions::default() };
+            let mut solver = Arap::prepare(&options, &shape, &region).expect("held");
+            let mut pose = shape.positions.clone();
+            let turn = Similarity { translation: DVec3::Z, ..Similarity::about(DVec3::ZERO, DVec3::X, 0.5, 1.0) };
+            solver.solve(&Goals::new(vec![Similarity::IDENTITY, turn]), &mut pose).expect("solvable");
+            let off = |v: u32, to: DVec3| pose[v as usize].distance(to);
+            for v in 0..n {
+                assert!(off(v, shape.positions[v as usize]) < 1e-12, "{energy:?}");
+                // The other one as a whole, as all that holds it does.
+                assert!(off(v + n, turn.apply(shape.positions[(v + n) as usize])) < 1e-12, "{energy:?}");
+            }
+        }
+    }
 }

@@ -109,6 +109,9 @@ fn what_no_handle_holds_any_more_goes_back() {
     editor.remove_handle(handle).expect("there");
     editor.update(Duration::ZERO).expect("solvable");
     assert_eq!(editor.positions()[n as usize..], shape.positions[n as usize..]);
+    // The other piece had no reason to move at all.
+    let off = editor.positions().iter().zip(&shape.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(off < 1e-9, "{off}");
 }
 
 #[test]

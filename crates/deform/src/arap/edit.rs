@@ -14,6 +14,7 @@ use super::shape::Shape;
 use super::smooth::Smoother;
 use super::steps::{Columns, ENERGY_CHUNK, Row, point, row};
 use super::{Acceleration, ArapOptions, Start};
+use crate::fit::Fit;
 use crate::frame::{Frame, check_pose};
 use crate::{DeformError, Goals, Region, StepTimes};
 
@@ -52,6 +53,8 @@ pub(crate) struct Scratch {
     pub(crate) goals: Vec<Row>,
     /// Goals of what is drawn.
     pub(crate) draws: Draws,
+    /// The motion that each piece follows at first.
+    pub(crate) follow: Vec<Option<Fit>>,
     /// Goals of those led, in world units.
     pub(crate) landed: Vec<DVec3>,
     /// Of [`ENERGY_CHUNK`] terms each.
@@ -211,6 +214,7 @@ impl Scratch {
         self.goals.resize(roles.held.len(), Row::default());
         self.landed.resize(roles.led.len(), DVec3::ZERO);
         self.draws = Draws::new(cells, roles);
+        self.follow.resize(roles.pieces.iter().max().map_or(0, |&last| last as usize + 1), None);
     }
 }
 

@@ -35,7 +35,7 @@ impl Edit {
         self.global_step()
     }
 
-    /// Moves the whole pose along with what holds it, by the rigid motion that takes that nearest to its goals.
+    /// Moves the pose of each connected piece along with what holds it, by the rigid motion that takes that nearest to its goals.
     ///
     /// A motion common to all constraints is thus followed exactly, whatever its angle, where the plain guess would
     /// need many iterations. On ordinary edits (ends turned, twisted, lifted or swung, in one jump or twenty steps) it
@@ -44,18 +44,29 @@ impl Edit {
     /// far as these count: no others enter the equations.
     pub(crate) fn follow_constraints(&mut self) {
         let Self { roles, scratch, .. } = self;
-        let Scratch { pose, goals, draws, .. } = scratch;
+        let Scratch { pose, goals, draws, follow, .. } = scratch;
+        let piece = |slot: u32| roles.pieces[slot as usize] as usize;
         let hard = roles.held[..roles.rim].iter().zip(&*goals).map(|(&slot, goal)| (slot, goal, 1.0));
         let soft = roles.springs.iter().zip(&draws.springs).map(|(spring, goal)| (spring.slot, goal, spring.grip));
-        let held = hard.chain(soft).map(|(slot, goal, grip)| (point(pose[slot as usize]), point(*goal), grip));
+        let held = hard.chain(soft).map(|(slot, goal, grip)| (slot, (point(pose[slot as usize]), point(*goal), grip)));
         let held = held.chain(roles.rows.pairs(draws));
-        if held.clone().all(|(at, goal, _)| at == goal) {
+        follow.fill(None);
+        for (slot, (at, goal, _)) in held.clone() {
+            if at != goal {
+                follow[piece(slot)] = Some(Fit::IDENTITY);
+            }
+        }
+        if follow.iter().all(Option::is_none) {
             return;
         }
-        let fit = Fit::rigid(held);
+        for (k, fit) in follow.iter_mut().enumerate().filter(|(_, fit)| fit.is_some()) {
+            *fit = Some(Fit::rigid(held.clone().filter(|&(slot, _)| piece(slot) == k).map(|(_, pair)| pair)));
+        }
         for &slot in roles.unknowns.as_slice().iter().chain(&roles.held) {
-            let position = &mut pose[slot as usize];
-            *position = row(fit.apply(point(*position)));
+            if let Some(fit) = &follow[piece(slot)] {
+                let position = &mut pose[slot as usize];
+                *position = row(fit.apply(point(*position)));
+            }
         }
     }
 

@@ -24,6 +24,8 @@ pub(crate) struct Roles {
     pub(crate) rows: Rows,
     /// Vertices in hard handles.
     pub(crate) led: Vec<Led>,
+    /// Which connected piece of what equations look at each slot is in, from 0.
+    pub(crate) pieces: Vec<u32>,
     /// Of the matrix without rows, by slot of the region.
     pub(crate) diagonal: Vec<f64>,
 }
@@ -148,6 +150,41 @@ impl Roles {
         // So that of several bad goals the first is named.
         led.sort_by_key(|led| led.handle);
         let (unknowns, fitted) = (Slots::new(unknown), Slots::new(fitted));
-        Self { unknowns, fitted, held, rim, springs, rows, led, diagonal }
+        let pieces = pieces(cells, &rows);
+        Self { unknowns, fitted, held, rim, springs, rows, led, pieces, diagonal }
     }
+}
+
+/// Numbers connected pieces of the slots, from 0; points between pieces connect them.
+fn pieces(cells: &Cells, rows: &Rows) -> Vec<u32> {
+    let mut piece = vec![NONE; cells.vertices.len()];
+    let (mut next, mut stack) = (0, Vec::new());
+    for seed in 0..piece.len() {
+        if piece[seed] != NONE {
+            continue;
+        }
+        piece[seed] = next;
+        stack.push(seed);
+        while let Some(slot) = stack.pop() {
+            // All others are next to a cell, from which they are reached.
+            for &other in if slot < cells.cells { cells.neighbours(slot) } else { &[] } {
+                if piece[other as usize] == NONE {
+                    piece[other as usize] = next;
+                    stack.push(other as usize);
+                }
+            }
+        }
+        next += 1;
+    }
+    for (_, entries) in rows.iter() {
+        let Some(&(first, _)) = entries.first() else { continue };
+        for &(slot, _) in entries {
+            let (to, from) = (piece[first as usize], piece[slot as usize]);
+            // Few points lie between pieces.
+            if from != to {
+                piece.iter_mut().filter(|piece| **piece == from).for_each(|piece| *piece = to);
+            }
+        }
+    }
+    piece
 }

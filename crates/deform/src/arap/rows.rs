@@ -102,14 +102,18 @@ impl Rows {
         rows
     }
 
-    fn iter(&self) -> impl Iterator<Item = (&Tie, &[(u32, f64)])> + Clone {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (&Tie, &[(u32, f64)])> + Clone {
         let starts = std::iter::once(0).chain(self.list.iter().map(|tie| tie.end));
         starts.zip(&self.list).map(|(start, tie)| (tie, &self.entries[start as usize..tie.end as usize]))
     }
 
-    /// Targets as incoming points and goals, with how much each counts.
-    pub(crate) fn pairs<'a>(&'a self, draws: &'a Draws) -> impl Iterator<Item = (DVec3, DVec3, f64)> + Clone + 'a {
-        self.list.iter().zip(&draws.ends).map(|(tie, &[from, to])| (from, to, tie.grip))
+    /// Targets as incoming points and goals, with a slot that each follows and how much it counts.
+    pub(crate) fn pairs<'a>(
+        &'a self,
+        draws: &'a Draws,
+    ) -> impl Iterator<Item = (u32, (DVec3, DVec3, f64))> + Clone + 'a {
+        let ends = self.iter().zip(&draws.ends);
+        ends.map(|((tie, entries), &[from, to])| (entries.first().map_or(NONE, |entry| entry.0), (from, to, tie.grip)))
     }
 
     /// What soft rows add to the energy, per unit of multiplicity.
