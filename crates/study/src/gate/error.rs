@@ -14,7 +14,7 @@ pub enum GateError {
         found: String,
     },
     /// A tolerance is for a figure that rows do not have.
-    #[error("`{found}` is no figure: use errors, counts, times, memory, or one of {known}")]
+    #[error("`{found}` is no figure: use errors, distances, counts, times, memory, or one of {known}")]
     NoSuchFigure {
         /// What was given.
         found: String,
