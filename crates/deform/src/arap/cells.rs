@@ -191,6 +191,30 @@ impl Cells {
         self.pulls(slot).0.iter().map(|[.., weight]| weight).sum()
     }
 
+    /// Numbers connected pieces of the slots, from 0, without those that are left out ([`NONE`]).
+    pub(crate) fn pieces(&self, is_out: impl Fn(usize) -> bool) -> Vec<u32> {
+        let mut piece = vec![NONE; self.vertices.len()];
+        let (mut next, mut stack) = (0, Vec::new());
+        for seed in 0..piece.len() {
+            if piece[seed] != NONE || is_out(seed) {
+                continue;
+            }
+            piece[seed] = next;
+            stack.push(seed);
+            while let Some(slot) = stack.pop() {
+                // All others are next to a cell, from which they are reached.
+                for &other in if slot < self.cells { self.neighbours(slot) } else { &[] } {
+                    if piece[other as usize] == NONE && !is_out(other as usize) {
+                        piece[other as usize] = next;
+                        stack.push(other as usize);
+                    }
+                }
+            }
+            next += 1;
+        }
+        piece
+    }
+
     /// Order and symbolic factor of the Laplacian of the region, whatever its roles.
     pub(crate) fn pattern(&self) -> Result<SpdPattern, LinalgError> {
         let mut col_ptr = vec![0];

@@ -157,25 +157,7 @@ impl Roles {
 
 /// Numbers connected pieces of the slots, from 0; points between pieces connect them.
 fn pieces(cells: &Cells, rows: &Rows) -> Vec<u32> {
-    let mut piece = vec![NONE; cells.vertices.len()];
-    let (mut next, mut stack) = (0, Vec::new());
-    for seed in 0..piece.len() {
-        if piece[seed] != NONE {
-            continue;
-        }
-        piece[seed] = next;
-        stack.push(seed);
-        while let Some(slot) = stack.pop() {
-            // All others are next to a cell, from which they are reached.
-            for &other in if slot < cells.cells { cells.neighbours(slot) } else { &[] } {
-                if piece[other as usize] == NONE {
-                    piece[other as usize] = next;
-                    stack.push(other as usize);
-                }
-            }
-        }
-        next += 1;
-    }
+    let mut piece = cells.pieces(|_| false);
     for (_, entries) in rows.iter() {
         let Some(&(first, _)) = entries.first() else { continue };
         for &(slot, _) in entries {

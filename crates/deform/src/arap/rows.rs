@@ -216,7 +216,8 @@ impl Rows {
         let topology = shape.topology();
         let mut sure = region.anchored(topology);
         reach(topology, &mut sure);
-        let component = components(cells, &sure);
+        // What is next to something that is not surely held is not either, so it is in the region.
+        let component = cells.pieces(|slot| slot >= cells.roi || sure[cells.vertices[slot] as usize]);
         let count = component.iter().filter(|&&c| c != NONE).max().map_or(0, |&c| c as usize + 1);
         let mut held = vec![false; count];
         for (_, entries) in self.iter() {
@@ -234,31 +235,6 @@ impl Rows {
             }
         }
     }
-}
-
-/// Connected pieces of the region that are not surely held, numbered by slot; [`NONE`] for those that are.
-fn components(cells: &Cells, sure: &[bool]) -> Vec<u32> {
-    let mut component = vec![NONE; cells.roi];
-    let mut next = 0;
-    let mut stack = Vec::new();
-    for seed in 0..cells.roi {
-        if component[seed] != NONE || sure[cells.vertices[seed] as usize] {
-            continue;
-        }
-        component[seed] = next;
-        stack.push(seed);
-        while let Some(slot) = stack.pop() {
-            // What is next to something that is not held by other means is not either, so it is in the region.
-            for &other in cells.neighbours(slot) {
-                if component[other as usize] == NONE {
-                    component[other as usize] = next;
-                    stack.push(other as usize);
-                }
-            }
-        }
-        next += 1;
-    }
-    component
 }
 
 impl Draws {

@@ -185,8 +185,9 @@ pub fn merge_jobs(folders: &[PathBuf], partial: bool) -> Result<SweepReport, Swe
         let (found, faults): (Vec<_>, Vec<_>) =
             opened.iter().map(|(folder, _)| folder.result(&entry.id)).partition(Result::is_ok);
         // Of several one with figures; else any, but always the same.
-        let rank = |result: &JobResult| (result.row.failure.is_some(), json(result));
-        let best = found.into_iter().filter_map(Result::ok).flatten().min_by_key(rank);
+        let failed = |result: &JobResult| result.row.failure.is_some();
+        let order = |a: &JobResult, b: &JobResult| failed(a).cmp(&failed(b)).then_with(|| json(a).cmp(&json(b)));
+        let best = found.into_iter().filter_map(Result::ok).flatten().min_by(order);
         match (best, faults.into_iter().find_map(Result::err)) {
             (Some(result), _) => _ = results.insert(entry.id.clone(), result),
             (None, Some(fault)) if !partial => return Err(fault),
